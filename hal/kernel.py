@@ -1,0 +1,76 @@
+"""The one way to compile a function: ``@kernel``.
+
+numba's own cache looks only at the file of the function it stores, so an edit in a callee of another
+file leaves the old machine code running. Here the cache directory is named by a hash over every
+source file that can end up in a kernel; an edit anywhere there gives a new, empty directory.
+"""
+
+import ast
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("hal", "rtctl", "drivers", "sim_backends")
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@cache
+def kernel_sources() -> tuple[Path, ...]:
+    """Every file that imports :mod:`hal.kernel`, and what those files import of ours, transitively."""
+    files = [f for p in PACKAGES for f in sorted((ROOT / p).rglob("*.py"))]
+    todo = [f for f in files if "hal.kernel" in f.read_text()]
+    found = set(todo)
+    while todo:
+        for target in _imports(todo.pop()):
+            if target not in found:
+                found.add(target)
+                todo.append(target)
+    return tuple(sorted(found))
+
+
+@cache
+def kernel_hash() -> str:
+    """Sixteen hex digits that change with any kernel source, numba, or the interpreter."""
+    digest = hashlib.sha256(f"{numba.__version__} {sys.implementation.cache_tag}".encode())
+    for file in kernel_sources():
+        digest.update(str(file.relative_to(ROOT)).encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_directory() -> Path:
+    """Where this set of kernels keeps its machine code.
+
+    ``RTCTL_CACHE_DIR``, else systemd's ``CACHE_DIRECTORY``, else inside the environment that runs us.
+    Code compiled with bounds checks lives beside, never in, the directory of the unchecked code.
+    """
+    base = os.environ.get("RTCTL_CACHE_DIR") or os.environ.get("CACHE_DIRECTORY") or f"{sys.prefix}/var/cache/rtctl"
+    checked = "-boundscheck" if numba.config.BOUNDSCHECK else ""
+    return Path(base) / f"kernels-{kernel_hash()}{checked}"
+
+
+def kernel(function: F) -> F:
+    """Compile `function` on first call: no GIL, IEEE arithmetic, division by zero gives inf or NaN."""
+    numba.config.CACHE_DIR = str(cache_directory())
+    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
+
+
+def _imports(file: Path) -> list[Path]:
+    names = []
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names += [node.module, *(f"{node.module}.{a.name}" for a in node.names)]
+        elif isinstance(node, ast.Import):
+            names += [a.name for a in node.names]
+    paths = []
+    for name in names:
+        if name.split(".")[0] in PACKAGES:
+            stem = ROOT / name.replace(".", "/")
+            paths += [p for p in (stem.with_suffix(".py"), stem / "__init__.py") if p.is_file()]
+    return paths
