@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 import numba
 
@@ -55,10 +55,24 @@ def cache_directory() -> Path:
     return Path(base) / f"kernels-{kernel_hash()}{checked}"
 
 
-def kernel(function: F) -> F:
-    """Compile `function` on first call: no GIL, IEEE arithmetic, division by zero gives inf or NaN."""
+@overload
+def kernel(function: F) -> F: ...
+@overload
+def kernel(*, signature: Any) -> Callable[[F], F]: ...
+def kernel(function: Any = None, *, signature: Any = None) -> Any:
+    """Compile `function` on first call: no GIL, IEEE arithmetic, division by zero gives inf or NaN.
+
+    With ``@kernel(signature=...)``, a numba signature, it is compiled at once and for nothing else, so that it can
+    be handed to another kernel as a function.
+    """
+    if function is None:
+        return lambda f: _compile(f, [signature])
+    return _compile(function, None)
+
+
+def _compile(function: Callable[..., Any], signatures: list[Any] | None) -> Any:
     numba.config.CACHE_DIR = str(cache_directory())
-    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
+    return numba.njit(signatures, cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
 
 
 def _imports(file: Path) -> list[Path]:

@@ -44,6 +44,8 @@ def option(
     metadata = {
         "low": low, "high": high, "unit": unit, "doc": doc, "choices": choices, "shape": shape, "live": live,
     }  # fmt: skip
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=default.copy, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
 
 

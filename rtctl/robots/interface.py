@@ -6,6 +6,10 @@ tick calls a planar robot, a hexapod or an arm of five axes by the same name at 
 
 Shapes: `pose` (dof,), `joint` (dof,), `motor` (dof,). The pose is the gripper tip in the robot base
 {B}: planar (x mm, y mm, phi rad); spatial robots put their three translations first.
+
+The rest of the record is the robot's own affair, but every record has the fields `home_pose`, `box_low`,
+`box_high` (in units of the pose) and `joint_low`, `joint_high` (in units of the joints), all (dof,): the errors of
+:class:`rtctl.robots.robot.Robot` are made from them.
 """
 
 from collections.abc import Callable
@@ -61,9 +65,8 @@ def implement(function: Callable[..., Any], dtype: np.dtype) -> Callable[[Callab
 
     def register(compiled: Callable[..., Any]) -> Callable[..., Any]:
         python = compiled.py_func  # type: ignore[attr-defined]
-        options = {"error_model": "numpy", "nogil": True}
 
-        @overload(function, strict=False, jit_options=options)
+        @overload(function, strict=False, jit_options={"error_model": "numpy", "nogil": True})
         def choose(robot, *_):
             return python if robot == record_type else None
 
