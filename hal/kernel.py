@@ -18,6 +18,7 @@ import numba
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("hal", "rtctl", "drivers", "sim_backends")
+_DISPATCHERS: list[Any] = []
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -72,7 +73,14 @@ def kernel(function: Any = None, *, signature: Any = None) -> Any:
 
 def _compile(function: Callable[..., Any], signatures: list[Any] | None) -> Any:
     numba.config.CACHE_DIR = str(cache_directory())
-    return numba.njit(signatures, cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
+    dispatcher = numba.njit(signatures, cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
+    _DISPATCHERS.append(dispatcher)
+    return dispatcher
+
+
+def compiled_here() -> list[str]:
+    """Names of the kernels this process had to compile because the cache did not hold them."""
+    return [d.py_func.__qualname__ for d in _DISPATCHERS if d.stats.cache_misses]
 
 
 def _imports(file: Path) -> list[Path]:

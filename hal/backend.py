@@ -1,0 +1,86 @@
+"""What every backend is: four verbs and a watchdog. The controller knows nothing else of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from hal.errors import BackendError
+
+GROUP = "rtctl.backends"
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One named value of a record: its type, shape, unit, frame and meaning."""
+
+    name: str
+    type: str
+    shape: tuple[int, ...]
+    unit: str
+    meaning: str
+    frame: str = ""
+
+
+@dataclass(frozen=True)
+class CompiledDevice:
+    """A backend whose devices are kernels, so that a loop may run without the interpreter.
+
+    read(device, tick, sensors) and write(device, tick, actuators) are kernels over the records below.
+    """
+
+    read: Any
+    write: Any
+    device: np.ndarray
+
+
+@runtime_checkable
+class Backend(Protocol):
+    """Devices behind one seam.
+
+    Contract (proved for every backend by :mod:`hal.conformance`):
+
+    * ``open`` leaves the amplifiers without power; so does ``close``, which may be called twice.
+    * ``read`` and ``write`` get the tick number of the loop's grid. They return at once, allocate nothing
+      and raise nothing; trouble is told through validity and the flags of the sensor frame. A tick number that
+      jumps tells how many periods were missed.
+    * Power needs a write with ``power = 1`` every tick. After ``watchdog_ticks`` without one the device itself
+      sets its outputs to zero, removes power and reports ``watchdog_tripped`` until a write with ``power = 0``.
+    * A command that is not finite is treated as a missing one, never passed on.
+    """
+
+    axes: int
+    watchdog_ticks: int
+    simulated: bool
+
+    def open(self) -> None:
+        """Connect and check the devices. Raises BackendError with what to do."""
+
+    def read(self, tick: int, sensors: np.ndarray) -> None:
+        """Fill the sensor frame, shape (1,), for grid tick `tick`."""
+
+    def write(self, tick: int, actuators: np.ndarray) -> None:
+        """Pass the actuator frame, shape (1,), on to the devices."""
+
+    def close(self) -> None:
+        """Remove power and release the devices."""
+
+    def compiled(self) -> CompiledDevice | None:
+        """The same devices as kernels, or None where they are not."""
+
+    def truth(self) -> tuple[tuple[Signal, ...], np.ndarray] | None:
+        """What a simulation knows and a controller may not: signals and their live record, shape (1,)."""
+
+
+def load(name: str, options: Mapping[str, Any], *, period_s: float, seed: int) -> Backend:
+    """Find backend `name` among the installed entry points and make it from its own table of settings.
+
+    Raises:
+        BackendError: no such backend; OptionError: its settings are wrong.
+    """
+    found = {e.name: e for e in entry_points(group=GROUP)}
+    if name not in found:
+        raise BackendError("no such backend", value=name, bound=" | ".join(sorted(found)), remedy="set [backend] name")
+    return found[name].load()(options, period_s=period_s, seed=seed)

@@ -1,0 +1,199 @@
+"""Operating states, and the one table: condition -> reaction -> operator text -> remedy.
+
+The machine is pure: (state, conditions, verb) in, (state, verdict) out. It follows CRTK's operating
+states. A condition is a bit; its reaction is what the controller does on its own, without being asked:
+
+NOTE   goes into the record, nothing else;
+STOP   ends the motion along a jerk-limited brake and holds;
+PAUSE  the same, and nothing moves until somebody resumes;
+FAULT  removes power in this very tick and latches until it is acknowledged.
+
+Removing power is safe here because the lead screws cannot be driven back by the array.
+"""
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from hal.kernel import kernel
+from rtctl.commands import Reason, Verb
+
+
+class Operating(enum.IntEnum):
+    """CRTK operating state."""
+
+    DISABLED = 0
+    ENABLED = 1
+    PAUSED = 2
+    FAULT = 3
+
+
+class Task(enum.IntEnum):
+    """Where the insertion stands, inside ENABLED or PAUSED."""
+
+    IDLE = 0
+    APPROACH = 1
+    AT_ENTRY = 2
+    INSERTING = 3
+    HOLDING = 4
+    RETRACTING = 5
+    DONE = 6
+
+
+class Motion(enum.IntEnum):
+    """What the high-level controller is following."""
+
+    HOLD = 0
+    MOVE = 1
+    SERVO_CP = 2
+    SERVO_CV = 3
+    INSERT = 4
+    RETRACT = 5
+    HOME = 6
+
+
+class Reaction(enum.IntEnum):
+    """What the controller does by itself; a larger number wins."""
+
+    NOTE = 0
+    STOP = 1
+    PAUSE = 2
+    FAULT = 3
+
+
+class Condition(enum.IntEnum):
+    """Everything that can be wrong, as a bit number."""
+
+    AXES_LOST = 0
+    WATCHDOG = 1
+    AMPLIFIER = 2
+    POWER_LOST = 3
+    KINEMATICS = 4
+    FOLLOWING_ERROR = 5
+    NOT_FINITE = 6
+    FORCE_LIMIT = 7
+    WRENCH_LOST = 8
+    ADMITTANCE_SATURATED = 9
+    WORKSPACE = 10
+    STREAM_SILENT = 11
+    GATEWAY_LOST = 12
+    LOG_FAILED = 13
+    OPERATOR_LOST = 14
+    OVERRUN = 15
+    STYLET_LIMIT = 16
+    HOMING_FAILED = 17
+    SPEED_LIMIT = 18
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the condition table. `{value}` and `{bound}` are filled in from the record."""
+
+    reaction: Reaction
+    text: str
+    remedy: str
+
+
+TABLE: dict[Condition, Row] = {
+    Condition.AXES_LOST: Row(Reaction.FAULT, "no valid motor angles for {value:.0f} ticks (limit {bound:.0f})", "check encoder cables and the backend, then acknowledge and home"),
+    Condition.WATCHDOG: Row(Reaction.FAULT, "the device removed power because the control loop was silent", "find what stalled the machine (`rtctl log info`), then acknowledge"),
+    Condition.AMPLIFIER: Row(Reaction.FAULT, "an amplifier reports not ready", "check its supply and temperature, then acknowledge"),
+    Condition.POWER_LOST: Row(Reaction.FAULT, "power was asked for but the amplifiers stayed off for {value:.0f} ticks (limit {bound:.0f})", "check the emergency stop and the enable chain, then acknowledge"),
+    Condition.KINEMATICS: Row(Reaction.FAULT, "the motor angles belong to no reachable pose", "home again; if it stays, compare [robot] with the machine"),
+    Condition.FOLLOWING_ERROR: Row(Reaction.FAULT, "a motor is {value:.3g} rad from its reference (limit {bound:.3g})", "look for a jam or a cut wire, then acknowledge"),
+    Condition.NOT_FINITE: Row(Reaction.FAULT, "a computed command is not a number", "keep the log and report it: `rtctl replay` names the tick"),
+    Condition.FORCE_LIMIT: Row(Reaction.PAUSE, "force {value:.3g} N exceeds {bound:.3g} N", "look at the array, then resume or retract"),
+    Condition.WRENCH_LOST: Row(Reaction.PAUSE, "no valid force for {value:.0f} ticks (limit {bound:.0f}) while an array is moved", "check the sensor, then resume or retract"),
+    Condition.ADMITTANCE_SATURATED: Row(Reaction.PAUSE, "the lateral correction reached {value:.3g} mm (limit {bound:.3g}): near buckling, or a wrong registration", "retract and register again"),
+    Condition.WORKSPACE: Row(Reaction.STOP, "the way leaves the workspace (coordinate or joint value {value:.4g})", "move back inside"),
+    Condition.STREAM_SILENT: Row(Reaction.STOP, "no servo command for {value:.0f} ticks (limit {bound:.0f})", "send the stream again"),
+    Condition.GATEWAY_LOST: Row(Reaction.PAUSE, "the gateway is silent", "it is restarted by itself; then resume"),
+    Condition.LOG_FAILED: Row(Reaction.PAUSE, "the log cannot be written", "free space on the disk of the log, restart, and resume only if you can do without a record"),
+    Condition.OPERATOR_LOST: Row(Reaction.PAUSE, "the client that holds the lease is silent", "start the client again, then resume"),
+    Condition.OVERRUN: Row(Reaction.PAUSE, "the loop missed {value:.0f} ticks at once (limit {bound:.0f})", "relieve the machine (see docs/how-to/bring-up-a-target-pc.md), then resume"),
+    Condition.STYLET_LIMIT: Row(Reaction.NOTE, "the stylet is withdrawn to its limit", "nothing to do: further withdrawal does not change the array"),
+    Condition.HOMING_FAILED: Row(Reaction.STOP, "homing found no end stop within {bound:.0f} ticks", "check power and free motion, then home again"),
+    Condition.SPEED_LIMIT: Row(Reaction.NOTE, "the reference was slowed to the speed limit", "nothing to do unless it lasts"),
+}  # fmt: skip
+
+
+def mask(reaction: Reaction) -> int:
+    """Bits of all conditions with `reaction`."""
+    return sum(1 << c for c, row in TABLE.items() if row.reaction is reaction)
+
+
+FAULT_MASK, PAUSE_MASK, STOP_MASK = mask(Reaction.FAULT), mask(Reaction.PAUSE), mask(Reaction.STOP)
+REACTION = np.array([TABLE[c].reaction for c in Condition])
+
+NEVER_BLOCK_RETRACTION = (
+    Condition.FORCE_LIMIT,
+    Condition.WRENCH_LOST,
+    Condition.ADMITTANCE_SATURATED,
+    Condition.LOG_FAILED,
+)
+"""The way out must stay open: these conditions neither pause nor refuse a retraction."""
+RETRACTION_MASK = PAUSE_MASK & ~sum(1 << c for c in NEVER_BLOCK_RETRACTION)
+
+
+@kernel
+def permits(state, verb):
+    """True if `verb` makes sense in operating `state`; what else it needs is judged by who carries it out."""
+    if verb == Verb.STOP or verb == Verb.DISABLE or verb == Verb.SET_PARAMETERS or verb == Verb.UNLOAD_ARRAY:
+        return True
+    if verb == Verb.ENABLE:
+        return state == Operating.DISABLED or state == Operating.ENABLED
+    if verb == Verb.PAUSE:
+        return state == Operating.ENABLED or state == Operating.PAUSED
+    if verb == Verb.RESUME:
+        return state == Operating.PAUSED
+    if verb == Verb.ACKNOWLEDGE:
+        return state == Operating.FAULT
+    if verb == Verb.LOAD_PLAN:
+        return state != Operating.FAULT
+    if verb == Verb.RETRACT:  # out of a paused insertion, too
+        return state == Operating.ENABLED or state == Operating.PAUSED
+    return state == Operating.ENABLED  # motion and its preparations
+
+
+@kernel
+def step(state, active, verb, retracting):
+    """One step of the machine: (operating state, active condition bits, verb) -> (state, verdict).
+
+    `retracting` tells that a retraction is under way. Conditions come before the verb: a fault in the tick of an
+    enable leaves FAULT, and a pausing condition refuses what it would pause at once. The verdict is a Reason,
+    0 without a verb, and ACCEPTED also for verbs that do not change the state.
+    """
+    if verb == Verb.NONE:
+        verdict = 0
+    elif permits(state, verb):
+        verdict = Reason.ACCEPTED
+    else:
+        verdict = Reason.WRONG_STATE
+    if active & FAULT_MASK:
+        if verb == Verb.ACKNOWLEDGE and state == Operating.FAULT:
+            verdict = Reason.STILL_PRESENT
+        elif (
+            verb != Verb.NONE
+            and verb != Verb.STOP
+            and verb != Verb.DISABLE
+            and verb != Verb.SET_PARAMETERS
+            and verb != Verb.UNLOAD_ARRAY
+        ):
+            verdict = Reason.WRONG_STATE
+        return Operating.FAULT, verdict
+    pausing = active & (RETRACTION_MASK if retracting or verb == Verb.RETRACT else PAUSE_MASK)
+    if verdict == Reason.ACCEPTED:
+        if verb == Verb.ENABLE:
+            state = Operating.ENABLED
+        elif verb == Verb.ACKNOWLEDGE or (verb == Verb.DISABLE and state != Operating.FAULT):
+            state = Operating.DISABLED
+        elif verb == Verb.PAUSE:
+            state = Operating.PAUSED
+        elif verb == Verb.RESUME or verb == Verb.RETRACT:
+            if pausing:
+                return Operating.PAUSED, Reason.STILL_PRESENT
+            state = Operating.ENABLED
+    if state == Operating.ENABLED and pausing:
+        return Operating.PAUSED, verdict
+    return state, verdict

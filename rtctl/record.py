@@ -1,0 +1,169 @@
+"""The one record: a row of shared memory, a row of the log and a message on the wire are the same bytes.
+
+One table of signals gives the numpy dtype, the ros2msg text and the reference documentation. Fields are
+ordered by size, so that the row is naturally aligned without padding and at the same time a valid CDR body.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hal.backend import Signal
+
+CDR_HEADER = b"\x00\x01\x00\x00"
+"""Encapsulation: plain CDR, little endian."""
+
+ROS_TYPES = {"f8": "float64", "i8": "int64", "u8": "uint64", "i4": "int32", "u4": "uint32", "u1": "uint8"}
+SIZES = {"f8": 8, "i8": 8, "u8": 8, "i4": 4, "u4": 4, "u1": 1}
+
+
+@dataclass(frozen=True)
+class Table:
+    """An ordered set of signals and everything that follows from it."""
+
+    name: str
+    signals: tuple[Signal, ...]
+
+    def __post_init__(self) -> None:
+        sizes = [SIZES[s.type] for s in self.signals]
+        if sizes != sorted(sizes, reverse=True) or self.signals[0].name != "time_ns":
+            raise ValueError(f"{self.name}: time_ns first, then signals from large to small")
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Packed dtype; its size is a multiple of 8, so rows of a ring stay aligned."""
+        fields: list[tuple] = [(s.name, s.type, s.shape) if s.shape else (s.name, s.type) for s in self.signals]
+        size = sum(np.dtype(f[1:] if len(f) > 2 else f[1]).itemsize for f in fields)
+        if size % 8:
+            fields.append(("reserved", "u1", (8 - size % 8,)))
+        return np.dtype(fields)
+
+    @property
+    def message(self) -> str:
+        """The record as a flat ros2msg definition, with unit, frame and meaning as comments."""
+        lines = []
+        documented = {s.name: s for s in self.signals}
+        dtype = self.dtype
+        for name in dtype.names or ():
+            base, shape = dtype[name].base, dtype[name].shape
+            array = f"[{int(np.prod(shape))}]" if shape else ""
+            comment = ""
+            if name in documented:
+                s = documented[name]
+                comment = "  # " + "; ".join(t for t in (f"[{s.unit}]" if s.unit else "", s.frame, s.meaning) if t)
+            lines.append(f"{ROS_TYPES[base.str[1:]]}{array} {name}{comment}")
+        return "\n".join(lines) + "\n"
+
+
+TIME = Signal("time_ns", "u8", (), "ns", "grid time of the tick; since the Unix epoch, or since the start in lockstep")
+TICK = Signal("tick", "i8", (), "", "number of the tick on the loop's grid")
+
+INPUTS = frozenset(
+    "tick axis_angle_rad wrench_in_sensor axes_sequence wrench_sequence axes_age_ticks wrench_age_ticks"
+    " axes_validity wrench_validity powered watchdog_tripped amplifier_fault"
+    " command_sequence command_argument command_deadline_tick command_source command_verb"
+    " missed_ticks gateway_health time_ns".split()
+)
+"""What a replay feeds; everything else must come out again, except TIMING."""
+
+TIMING = frozenset({"tick_ns", "lateness_ns"})
+"""Measured by the clock, so different in every run, and zero in lockstep."""
+
+
+def controller_table(dof: int) -> Table:
+    """Signals of the controller of a robot with `dof` pose coordinates (its motors plus one for the stylet)."""
+    axes = dof + 1
+    pose = "mm, rad"
+    base, gripper = "{B}", "gripper in {B}"
+    s = Signal
+    return Table(
+        "Controller",
+        (
+            TIME,
+            TICK,
+            # what came in
+            s(
+                "axis_angle_rad",
+                "f8",
+                (axes,),
+                "rad",
+                "motor angles as the device counts them; the stylet's is the last",
+            ),
+            s("wrench_in_sensor", "f8", (6,), "N, N mm", "raw force and moment, biased and with gravity", "{F}"),
+            s("axes_sequence", "i8", (), "", "sample number of the motor angles"),
+            s("wrench_sequence", "i8", (), "", "sample number of the wrench"),
+            s("command_sequence", "i8", (), "", "number of the command read in this tick, 0 for none"),
+            s("command_argument", "f8", (8,), "by verb", "arguments of that command"),
+            s("command_deadline_tick", "i8", (), "tick", "the command is void after this tick"),
+            s("command_source", "u8", (), "", "hash of the name of the client that sent it"),
+            # what is known
+            s("pose_measured", "f8", (dof,), pose, "forward kinematics of the motor angles", gripper),
+            s("joint_measured", "f8", (dof,), "mm", "piston strokes at the measured pose"),
+            s("stylet_measured_mm", "f8", (), "mm", "stylet withdrawal from the motor angle"),
+            s("wrench_in_base", "f8", (6,), "N, N mm", "filtered, free of bias and gravity", base),
+            s("force_axial_n", "f8", (), "N", "along the insertion axis; resistance is negative"),
+            s("force_lateral_n", "f8", (), "N", "magnitude across the insertion axis"),
+            # what is wanted
+            s("pose_goal", "f8", (dof,), pose, "where the present motion ends", gripper),
+            s("pose_desired", "f8", (dof,), pose, "high-level controller, before admittance (x_des)", gripper),
+            s("pose_reference", "f8", (dof,), pose, "after admittance and limits (x_admit)", gripper),
+            s("pose_entry", "f8", (dof,), pose, "registered entry, NaN until registered", gripper),
+            s("admittance_offset_mm", "f8", (3,), "mm", "lateral correction, Delta x", base),
+            s("depth_mm", "f8", (), "mm", "commanded insertion depth d"),
+            s("depth_goal_mm", "f8", (), "mm", "depth where the insertion or retraction ends"),
+            s("depth_rate_mm_per_s", "f8", (), "mm/s", "commanded insertion speed"),
+            s("stylet_desired_mm", "f8", (), "mm", "planned stylet withdrawal, q_s,des"),
+            s("stylet_reference_mm", "f8", (), "mm", "after the stylet's admittance law, q_s,admit"),
+            s("joint_reference", "f8", (dof,), "mm", "inverse kinematics of the reference"),
+            s("axis_reference_rad", "f8", (axes,), "rad", "with backlash compensation, home offset included"),
+            s("command_desired_v", "f8", (axes,), "V", "controller output before the limits"),
+            s("command_applied_v", "f8", (axes,), "V", "what was written to the amplifiers"),
+            # why
+            s("condition_active", "i8", (), "bits", "conditions that hold in this tick"),
+            s("condition_latched", "i8", (), "bits", "conditions since the last acknowledgement"),
+            s("reason_value", "f8", (), "by reason", "offending value of a refused command"),
+            s("reason_bound", "f8", (), "by reason", "the bound it broke"),
+            s("condition_value", "f8", (), "by condition", "offending value of the condition reported"),
+            s("condition_bound", "f8", (), "by condition", "the bound it broke"),
+            # small things
+            s("axes_age_ticks", "i4", (), "ticks", "age of the motor angles"),
+            s("wrench_age_ticks", "i4", (), "ticks", "age of the wrench"),
+            s("missed_ticks", "i4", (), "ticks", "grid points skipped before this one"),
+            s("command_verb", "i4", (), "", "verb of the command read in this tick, see the command table"),
+            s("command_verdict", "i4", (), "", "reason number: 0 nothing to judge, 1 accepted, else why refused"),
+            s("parameter_set", "i4", (), "", "number of the parameter set in force"),
+            s("plan_number", "i4", (), "", "number of the insertion plan in force, 0 for none"),
+            s("condition_reported", "i4", (), "", "gravest condition that arose in this tick, -1 for none"),
+            s("fault_cause", "i4", (), "", "first condition that led to the fault, -1 for none"),
+            s("stop_cause", "i4", (), "", "condition or command that ended the last motion, -1 for none"),
+            s("kinematic_iterations", "i4", (), "", "Newton steps of the forward kinematics, -1 if it failed"),
+            s("tick_ns", "i4", (), "ns", "time the tick took, from wake-up to the end of the record"),
+            s("lateness_ns", "i4", (), "ns", "wake-up after the grid point"),
+            s("gateway_health", "u4", (), "bits", "1 alive, 2 log writing, 4 operator present, 8 operator expected, 16 gateway expected, 32 arming allowed"),
+            s("axes_validity", "u1", (), "", "0 invalid, 1 valid, 2 saturated, 3 frozen"),
+            s("wrench_validity", "u1", (), "", "0 invalid, 1 valid, 2 saturated, 3 frozen"),
+            s("powered", "u1", (), "", "the amplifiers are energised"),
+            s("watchdog_tripped", "u1", (), "", "the device removed power because the loop was silent"),
+            s("amplifier_fault", "u1", (), "", "an amplifier reports not ready"),
+            s("operating_state", "u1", (), "", "0 disabled, 1 enabled, 2 paused, 3 fault"),
+            s(
+                "task_state",
+                "u1",
+                (),
+                "",
+                "0 idle, 1 approach, 2 at_entry, 3 inserting, 4 holding, 5 retracting, 6 done",
+            ),
+            s(
+                "motion",
+                "u1",
+                (),
+                "",
+                "0 hold, 1 move, 2 servo position, 3 servo velocity, 4 insert, 5 retract, 6 home",
+            ),
+            s("is_homed", "u1", (), "", "motor angles are referenced to the home pose"),
+            s("is_busy", "u1", (), "", "a motion or a routine is under way"),
+            s("is_unbiased", "u1", (), "", "the force sensor's bias has been taken since the array was loaded"),
+            s("array_loaded", "u1", (), "", "the operator has loaded an array"),
+            s("power_request", "u1", (), "", "the controller asks for energised amplifiers"),
+        ),
+    )

@@ -1,0 +1,382 @@
+"""Everything that shapes a run: one TOML file in, frozen dataclasses out.
+
+Read it with :func:`load`; override single keys with ``--set a.b=value`` (:func:`override`). Options marked
+live can be changed while the controller runs; :mod:`rtctl.parameters` turns them into the record the tick reads.
+"""
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from hal.errors import OptionError
+from hal.options import option, read, table_of
+from rtctl import robots
+
+ARRAY_MATRIX = (
+    (2.93695392269587e-03, -3.94085203728490e-02, 6.16973009198033e-03, -2.35843234791911e-04),
+    (6.26946771319700e-03, 4.90351444182624e-02, -7.18756027501507e-03, 2.64267314493850e-04),
+    (1.47679960554564e-03, -1.03290097336955e-02, 1.34216948322671e-03, -4.39002771123580e-05),
+    (-7.77889138080976e-05, 5.33535053874115e-04, -5.34787115835697e-05, 1.50893500682453e-06),
+)
+"""Modal matrix A_1 (02 section 3): the array the planner expects unless told otherwise."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Which robot, and the controller's model of it."""
+
+    kind: str = option("planar_3rpr", choices=("planar_3rpr",), doc="file in rtctl/robots that implements it")
+    name: str = option("planar", doc="name in every Zenoh key: rtctl/<name>/...")
+    geometry: dict = option({}, doc="geometry and limits; see the robot's own options")
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The grid the controller runs on, and what it asks of the machine."""
+
+    period_s: float = option(0.001, low=0.0005, high=0.01, unit="s", doc="time between two ticks")
+    priority: int = option(80, low=1, high=98, doc="SCHED_FIFO priority of the loop")
+    cpu: int = option(-1, low=-1, high=1023, doc="core the loop is bound to; -1 takes the last one")
+    allow_best_effort: bool = option(False, doc="arm hardware although the machine does not grant real time")
+
+
+@dataclass(frozen=True)
+class BackendChoice:
+    """Which devices."""
+
+    name: str = option("plant", doc="entry point in the group rtctl.backends")
+    options: dict = option({}, doc="the backend's own settings; it checks them itself")
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """Filter, gravity and bias of the force/torque sensor (D III.57, 05 section 1)."""
+
+    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="second-order Butterworth low-pass")
+    gravity_force_in_base_n: tuple[float, ...] = option(
+        (0.0, 0.0, 0.0),
+        shape=(3,),
+        low=-50,
+        high=50,
+        unit="N",
+        doc="weight of the insertion module in {B}, from calibration",
+    )
+    centre_of_mass_in_sensor_mm: tuple[float, ...] = option(
+        (0.0, 0.0, 0.0), shape=(3,), low=-500, high=500, unit="mm", doc="its centre of mass in {F}"
+    )
+    unbias_s: float = option(0.5, low=0.05, high=10.0, unit="s", doc="averaging time of `unbias`")
+
+
+@dataclass(frozen=True)
+class Admittance:
+    """Hybrid position/force law (03 section 3)."""
+
+    lateral: bool = option(True, live=True, doc="correct the path across the insertion axis")
+    deadband_n: float = option(0.03, low=0.0, high=1.0, unit="N", live=True, doc="zeta: forces below it are noise")
+    lateral_gain_mm_per_n_s: float = option(20.0, low=0.0, high=200.0, unit="mm/(N s)", live=True, doc="K_a")
+    lateral_limit_mm: float = option(
+        5.0, low=0.1, high=10.0, unit="mm", live=True, doc="beta: radius of the correction"
+    )
+    project_first: bool = option(False, live=True, doc="project on the lateral plane before the deadband, not after")
+    stylet: bool = option(False, live=True, doc="pull the stylet faster when the array meets resistance")
+    stylet_gain_mm_per_n_s: float = option(50.0, low=0.0, high=200.0, unit="mm/(N s)", live=True, doc="K_i")
+    regulated_force_n: float = option(
+        -0.1, low=-1.0, high=0.0, unit="N", live=True, doc="f_reg, negative for resistance; not printed in the sources"
+    )
+    blend_start_mm: float = option(4.0, low=0.0, high=20.0, unit="mm", live=True, doc="gamma_1: the stylet law begins")
+    blend_end_mm: float = option(
+        7.0, low=0.1, high=20.0, unit="mm", live=True, doc="gamma_2: the stylet law is fully on"
+    )
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Task-space limits of every motion."""
+
+    speed_mm_per_s: float = option(8.0, low=0.1, high=50.0, unit="mm/s", live=True, doc="translations")
+    acceleration_mm_per_s2: float = option(40.0, low=1.0, high=2000.0, unit="mm/s^2", live=True, doc="translations")
+    jerk_mm_per_s3: float = option(400.0, low=10.0, high=50000.0, unit="mm/s^3", live=True, doc="translations")
+    speed_rad_per_s: float = option(0.15, low=0.001, high=2.0, unit="rad/s", live=True, doc="rotations")
+    acceleration_rad_per_s2: float = option(0.8, low=0.01, high=50.0, unit="rad/s^2", live=True, doc="rotations")
+    jerk_rad_per_s3: float = option(8.0, low=0.1, high=1000.0, unit="rad/s^3", live=True, doc="rotations")
+    depth_speed_mm_per_s: float = option(
+        3.0, low=0.05, high=5.0, unit="mm/s", live=True, doc="fastest insertion or retraction a client may ask for"
+    )
+    depth_acceleration_mm_per_s2: float = option(
+        4.0, low=0.1, high=100.0, unit="mm/s^2", live=True, doc="along the path"
+    )
+    depth_jerk_mm_per_s3: float = option(40.0, low=1.0, high=5000.0, unit="mm/s^3", live=True, doc="along the path")
+    stream_limit_s: float = option(
+        0.05, low=0.01, high=0.1, unit="s", doc="silence after which a servo stream ends in a controlled stop"
+    )
+    entry_tolerance_mm: float = option(
+        0.5, low=0.01, high=5.0, unit="mm", doc="how far from the plan's first pose an insertion may begin"
+    )
+
+
+@dataclass(frozen=True)
+class Control:
+    """PID on motor angles with backlash compensation; one number an axis, the stylet's last."""
+
+    proportional_v_per_rad: tuple[float, ...] = option(
+        (0.5, 0.5, 0.5, 0.5), shape=(-1,), low=0, high=1000, unit="V/rad", live=True, doc="K_p"
+    )
+    integral_v_per_rad_s: tuple[float, ...] = option(
+        (1.0, 1.0, 1.0, 1.0), shape=(-1,), low=0, high=10000, unit="V/(rad s)", live=True, doc="K_i"
+    )
+    derivative_v_s_per_rad: tuple[float, ...] = option(
+        (0.01, 0.01, 0.01, 0.01),
+        shape=(-1,),
+        low=0,
+        high=100,
+        unit="V s/rad",
+        live=True,
+        doc="K_d, on the filtered rate of the error",
+    )
+    feedforward_v_s_per_rad: tuple[float, ...] = option(
+        (0.0, 0.0, 0.0, 0.0),
+        shape=(-1,),
+        low=0,
+        high=100,
+        unit="V s/rad",
+        live=True,
+        doc="volts for a rad/s of reference",
+    )
+    derivative_cutoff_hz: float = option(
+        80.0, low=5.0, high=400.0, unit="Hz", live=True, doc="first-order filter of the rate"
+    )
+    integral_limit_v: float = option(3.0, low=0.0, high=10.0, unit="V", live=True, doc="largest share of the integral")
+    command_limit_v: float = option(8.0, low=0.1, high=10.0, unit="V", live=True, doc="largest set value")
+    command_slew_v_per_s: float = option(
+        2000.0, low=1.0, high=20000.0, unit="V/s", live=True, doc="largest change against the previous command"
+    )
+    backlash_rad: tuple[float, ...] = option(
+        (0.0, 0.0, 0.0, 0.0),
+        shape=(-1,),
+        low=0,
+        high=20,
+        unit="rad",
+        live=True,
+        doc="chi_1 - chi_0 of every axis (05 section 4)",
+    )
+    backlash_rate_rad_per_s: float = option(
+        40.0, low=1.0, high=1000.0, unit="rad/s", live=True, doc="how fast the compensation changes sides"
+    )
+
+
+@dataclass(frozen=True)
+class Stylet:
+    """The stylet drive of the insertion module."""
+
+    lead_mm_per_rad: float = option(0.05, low=0.001, high=1.0, unit="mm/rad", doc="screw lead")
+    stroke_mm: float = option(
+        15.0, low=1.0, high=15.0, unit="mm", doc="withdrawal beyond it no longer changes the array"
+    )
+    speed_mm_per_s: float = option(4.0, low=0.1, high=20.0, unit="mm/s", doc="fastest withdrawal")
+
+
+@dataclass(frozen=True)
+class Homing:
+    """Every motor runs slowly towards its retracted end stop until it stalls."""
+
+    speed_rad_per_s: float = option(25.0, low=1.0, high=200.0, unit="rad/s", doc="speed of every motor")
+    command_limit_v: float = option(1.5, low=0.1, high=5.0, unit="V", doc="how hard a motor may push the stop")
+    stall_s: float = option(0.3, low=0.05, high=2.0, unit="s", doc="standstill that counts as the stop")
+    timeout_s: float = option(40.0, low=1.0, high=300.0, unit="s", doc="homing fails after this time")
+
+
+@dataclass(frozen=True)
+class Safety:
+    """Bounds behind the condition table of rtctl/lifecycle.py."""
+
+    following_error_rad: float = option(
+        6.0, low=0.1, high=100.0, unit="rad", doc="largest distance of a motor from its reference"
+    )
+    force_limit_n: float = option(
+        0.5, low=0.05, high=5.0, unit="N", live=True, doc="force that pauses a motion with a loaded array"
+    )
+    axes_age_ticks: int = option(5, low=1, high=100, unit="ticks", doc="oldest motor angles that may be used")
+    wrench_age_ticks: int = option(
+        20, low=1, high=200, unit="ticks", doc="oldest wrench that may be used while an array is moved"
+    )
+    power_on_ticks: int = option(500, low=10, high=5000, unit="ticks", doc="time the amplifiers have to come up")
+    overrun_ticks: int = option(40, low=1, high=1000, unit="ticks", doc="missed ticks in one gap that pause the motion")
+    heartbeat_ticks: int = option(
+        500, low=50, high=5000, unit="ticks", doc="silence of the gateway that pauses the motion"
+    )
+
+
+@dataclass(frozen=True)
+class Electrode:
+    """The planner's model of the array (02 section 2)."""
+
+    modal_matrix: tuple[tuple[float, ...], ...] = option(
+        ARRAY_MATRIX, shape=(4, 4), low=-10, high=10, unit="rad / mm^k", doc="A of theta(s, q) = psi(s)^T A eta(q)"
+    )
+    length_mm: float = option(18.0, low=5.0, high=30.0, unit="mm", doc="from the grip to the tip")
+
+
+@dataclass(frozen=True)
+class Gateway:
+    """The process between shared memory and the network."""
+
+    endpoint: str = option("tcp/127.0.0.1:7447", doc="Zenoh locator the daemon listens on; loopback unless secured")
+    state_rate_hz: float = option(50.0, low=1.0, high=200.0, unit="Hz", doc="rate of the state keys")
+    lease_s: float = option(1.0, low=0.2, high=30.0, unit="s", doc="a lease dies after this silence of its holder")
+    payload_limit_bytes: int = option(
+        65536, low=1024, high=1048576, unit="bytes", doc="larger requests are refused unread"
+    )
+    user: str = option("", doc="user name, needed with a password for anything wider than loopback")
+    password: str = option("", doc="password of that user; never shown, never logged")
+
+
+@dataclass(frozen=True)
+class Log:
+    """The MCAP file of a run."""
+
+    directory: str = option("runs", doc="every run makes a folder of its own in here")
+    chunk_kib: int = option(192, low=16, high=1024, unit="KiB", doc="what a killed process can lose at most")
+    ring_rows: int = option(
+        8192, low=1024, high=65536, unit="rows", doc="records shared memory holds until they are logged"
+    )
+
+
+@dataclass(frozen=True)
+class Workflow:
+    """The scripted insertion of `rtctl demo` and `rtctl sim` (I section II-C)."""
+
+    entry_pose_mm_rad: tuple[float, ...] = option(
+        (173.0, 2.0, 0.0),
+        shape=(-1,),
+        low=-1000,
+        high=1000,
+        unit="mm, rad",
+        doc="where the surgeon points the empty gripper: the entry, along the approach",
+    )
+    retracted_pose_mm_rad: tuple[float, ...] = option(
+        (152.0, 0.0, 0.0),
+        shape=(-1,),
+        low=-1000,
+        high=1000,
+        unit="mm, rad",
+        doc="clear of the patient, to load the array",
+    )
+    depth_mm: float = option(15.0, low=0.5, high=15.0, unit="mm", doc="insertion depth; 13.8 mm is lambda = 1")
+    speed_mm_per_s: float = option(1.0, low=0.05, high=5.0, unit="mm/s", doc="insertion speed")
+    hold_s: float = option(2.0, low=0.0, high=60.0, unit="s", doc="rest at full depth before the end")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The whole configuration of a run."""
+
+    robot: Robot
+    loop: Loop
+    backend: BackendChoice
+    wrench: Wrench
+    admittance: Admittance
+    trajectory: Trajectory
+    control: Control
+    stylet: Stylet
+    homing: Homing
+    safety: Safety
+    electrode: Electrode
+    gateway: Gateway
+    log: Log
+    workflow: Workflow
+
+
+def load(path: str | Path, overrides: Iterable[str] = ()) -> Settings:
+    """Read, override and check a settings file; a bare name finds the files that ship with rtctl.
+
+    Raises:
+        OptionError: missing file, broken TOML, unknown key, wrong type or value out of bounds.
+    """
+    file = find(path)
+    try:
+        table = tomllib.loads(file.read_text())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
+    for assignment in overrides:
+        override(table, assignment)
+    return from_table(table)
+
+
+def from_table(table: Mapping[str, Any]) -> Settings:
+    """Settings from a parsed table, checked as a whole."""
+    settings = read(Settings, table)
+    _check(settings)
+    return settings
+
+
+def find(path: str | Path) -> Path:
+    """The file at `path`, or the one that ships under that name."""
+    file = Path(path)
+    if file.is_file():
+        return file
+    shipped = Path(str(files("config"))) / f"{file.name.removesuffix('.toml')}.toml"
+    if str(path) == file.name and shipped.is_file():
+        return shipped
+    known = sorted(p.stem for p in shipped.parent.glob("*.toml"))
+    raise OptionError("no such settings file", value=str(path), remedy=f"give a path, or one of {', '.join(known)}")
+
+
+def override(table: dict[str, Any], assignment: str) -> None:
+    """Apply one ``a.b.c=value`` (TOML value; bare words are strings) to a parsed table."""
+    key, sign, text = assignment.partition("=")
+    if not sign or not key.strip():
+        raise OptionError("an override must read key=value", value=assignment, remedy="for instance loop.priority=70")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    *path, last = key.strip().split(".")
+    for name in path:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise OptionError(f"{key} is not inside a table", value=name, remedy="see `rtctl config show`")
+    table[last] = value
+
+
+def public_table(settings: Settings) -> dict[str, Any]:
+    """The settings as a plain table without secrets: what goes into logs and `config show`."""
+    table = table_of(settings)
+    if table["gateway"]["password"]:
+        table["gateway"]["password"] = "***"
+    return table
+
+
+def config_hash(settings: Settings) -> str:
+    """Sixteen hex digits of everything that shaped the run, secrets excluded."""
+    return hashlib.sha256(json.dumps(public_table(settings), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _check(s: Settings) -> None:
+    """Bounds that take more than one option."""
+    robot = robots.load(s.robot.kind, s.robot.geometry)
+    axes = robot.dof + 1
+    for name in ("proportional_v_per_rad", "integral_v_per_rad_s", "derivative_v_s_per_rad", "feedforward_v_s_per_rad", "backlash_rad"):  # fmt: skip
+        values = getattr(s.control, name)
+        if len(values) != axes:
+            raise OptionError(f"control.{name} needs one value an axis", value=list(values), bound=f"{axes} values")
+    for name in ("entry_pose_mm_rad", "retracted_pose_mm_rad"):
+        pose = getattr(s.workflow, name)
+        if len(pose) != robot.dof:
+            raise OptionError(f"workflow.{name} needs {robot.dof} numbers", value=list(pose))
+        problem = robot.explain(pose)
+        if problem is not None:
+            raise OptionError(f"workflow.{name}: {problem.what}", value=problem.value, bound=problem.bound, remedy=problem.remedy)  # fmt: skip
+    if s.admittance.blend_end_mm <= s.admittance.blend_start_mm:
+        raise OptionError("admittance.blend_end_mm must be larger than blend_start_mm", value=s.admittance.blend_end_mm, bound=f"above {s.admittance.blend_start_mm}")  # fmt: skip
+    if s.workflow.speed_mm_per_s > s.trajectory.depth_speed_mm_per_s:
+        raise OptionError("workflow.speed_mm_per_s is faster than allowed", value=s.workflow.speed_mm_per_s, bound=f"at most trajectory.depth_speed_mm_per_s = {s.trajectory.depth_speed_mm_per_s}")  # fmt: skip
+    if not s.robot.name.replace("-", "").replace("_", "").isalnum():
+        raise OptionError("robot.name must be one word", value=s.robot.name, bound="letters, digits, - and _")
+    loopback = any(h in s.gateway.endpoint for h in ("/127.", "/localhost:", "/[::1]"))
+    if not loopback and not (s.gateway.endpoint.startswith("tls/") or (s.gateway.user and s.gateway.password)):
+        raise OptionError("gateway.endpoint is reachable from outside", value=s.gateway.endpoint, bound="loopback, or TLS, or user and password", remedy="use tcp/127.0.0.1:PORT, or set gateway.user and gateway.password")  # fmt: skip
