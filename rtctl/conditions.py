@@ -1,0 +1,82 @@
+"""Which conditions of the table hold: looked at once for what comes in, once for what would go out."""
+
+import math
+
+from hal.frames import VALID
+from hal.kernel import kernel
+from rtctl.exchange.control import ALIVE, GATEWAY_EXPECTED, LOG_WRITING, OPERATOR_EXPECTED, OPERATOR_PRESENT
+from rtctl.lifecycle import REACTION, Condition, Motion, Operating, Task
+
+
+@kernel
+def raise_condition(state, record, condition, value, bound):
+    """Mark `condition` as holding in this tick; the gravest new one is reported with its value and bound."""
+    bit = 1 << condition
+    record.condition_active |= bit
+    state.latched |= bit
+    new = (state.active & bit) == 0
+    if new and (record.condition_reported < 0 or REACTION[condition] > REACTION[record.condition_reported]):
+        record.condition_reported = condition
+        record.condition_value = value
+        record.condition_bound = bound
+
+
+@kernel
+def watch_inputs(parameters, state, sensors, record):
+    """Devices, power, kinematics, forces and the world outside, before anything is decided."""
+    if state.axes_silent_ticks > parameters.axes_age_ticks:
+        silent, limit = float(state.axes_silent_ticks), float(parameters.axes_age_ticks)
+        raise_condition(state, record, Condition.AXES_LOST, silent, limit)
+        state.homed = 0  # nobody knows how far the motors have turned since
+    if sensors.watchdog_tripped:
+        raise_condition(state, record, Condition.WATCHDOG, math.nan, math.nan)
+    if sensors.amplifier_fault:
+        raise_condition(state, record, Condition.AMPLIFIER, math.nan, math.nan)
+    if state.power_ticks > parameters.power_on_ticks and sensors.powered == 0:
+        raise_condition(state, record, Condition.POWER_LOST, float(state.power_ticks), float(parameters.power_on_ticks))
+    if state.homed and record.kinematic_iterations < 0:
+        raise_condition(state, record, Condition.KINEMATICS, math.nan, math.nan)
+    moving = state.motion != Motion.HOLD
+    if moving and state.array_loaded and state.task != Task.RETRACTING:
+        _watch_force(parameters, state, sensors, record)
+    if record.missed_ticks > parameters.overrun_ticks:
+        raise_condition(state, record, Condition.OVERRUN, float(record.missed_ticks), float(parameters.overrun_ticks))
+    health = record.gateway_health
+    if health & GATEWAY_EXPECTED:
+        if not health & ALIVE:
+            raise_condition(state, record, Condition.GATEWAY_LOST, math.nan, math.nan)
+        elif not health & LOG_WRITING:
+            raise_condition(state, record, Condition.LOG_FAILED, math.nan, math.nan)
+        if health & OPERATOR_EXPECTED and not health & OPERATOR_PRESENT:
+            raise_condition(state, record, Condition.OPERATOR_LOST, math.nan, math.nan)
+    silent = record.tick - state.stream_tick
+    if (state.motion == Motion.SERVO_CP or state.motion == Motion.SERVO_CV) and silent > parameters.stream_ticks:
+        raise_condition(state, record, Condition.STREAM_SILENT, float(silent), float(parameters.stream_ticks))
+
+
+@kernel
+def _watch_force(parameters, state, sensors, record):
+    """A loaded array must not be moved blindly, nor against more than the limit."""
+    known = sensors.wrench_validity == VALID and sensors.wrench_age_ticks <= parameters.wrench_age_ticks
+    if state.task == Task.INSERTING and (not known or not state.unbiased):
+        raise_condition(
+            state, record, Condition.WRENCH_LOST, float(sensors.wrench_age_ticks), float(parameters.wrench_age_ticks)
+        )
+    if known and state.unbiased:
+        f = record.wrench_in_base
+        force = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+        if force > parameters.force_limit_n:
+            raise_condition(state, record, Condition.FORCE_LIMIT, force, parameters.force_limit_n)
+
+
+@kernel
+def watch_outputs(parameters, state, record):
+    """Following error and anything that is not a number, after everything is computed."""
+    if state.operating != Operating.ENABLED and state.operating != Operating.PAUSED:
+        return
+    for i in range(record.command_desired_v.shape[0]):
+        if not math.isfinite(record.command_desired_v[i]):
+            raise_condition(state, record, Condition.NOT_FINITE, math.nan, math.nan)
+        error = abs(state.last_error_rad[i])
+        if error > parameters.following_error_rad:
+            raise_condition(state, record, Condition.FOLLOWING_ERROR, error, parameters.following_error_rad)

@@ -1,0 +1,250 @@
+"""High-level controller: turns commands into a setpoint of the pose and of the insertion depth.
+
+One profile moves everything: in a move or a servo motion it carries the pose, in an insertion or retraction only the
+depth, and the pose and the stylet follow the planned path at that depth. Stopping is a change of velocity to zero
+in whatever the profile carries, so an interrupted insertion stays on its path.
+"""
+
+import math
+
+from hal.kernel import kernel
+from rtctl import profile as profiles
+from rtctl.commands import Verb
+from rtctl.conditions import raise_condition
+from rtctl.electrode.path import evaluate_path
+from rtctl.lifecycle import Condition, Motion, Task
+from rtctl.robots.interface import REACHABLE, reach
+
+
+@kernel
+def hold_here(memory):
+    """Forget every motion and take the measured pose as the setpoint: bumpless, nothing moves."""
+    state = memory.state
+    for i in range(state.pose.shape[0]):
+        state.setpoint[i] = state.pose[i]
+        state.reference[i] = state.pose[i]
+        state.pose_goal[i] = state.pose[i]
+    for i in range(state.setpoint.shape[0]):
+        state.setpoint_rate[i] = 0.0
+        state.setpoint_acceleration[i] = 0.0
+    state.motion = Motion.HOLD
+    state.paused_motion = Motion.HOLD
+    _end_task(state)
+    profiles.clear(memory.profile, state.tick)
+
+
+@kernel
+def is_resting(memory):
+    """No motion is wanted, and the brake of the last one has come to its end."""
+    elapsed_s = (memory.state.tick - memory.profile.start_tick) * memory.parameters.period_s
+    return memory.state.motion == Motion.HOLD and elapsed_s >= memory.profile.duration_s
+
+
+@kernel
+def _end_task(state):
+    """An interrupted approach is no approach; an interrupted insertion holds where it is."""
+    if state.task == Task.APPROACH:
+        state.task = Task.IDLE
+    if state.task == Task.INSERTING or state.task == Task.RETRACTING:
+        state.task = Task.HOLDING
+
+
+@kernel
+def brake(memory, cause):
+    """End the motion under way within the limits of acceleration and jerk, and hold where that leads."""
+    state = memory.state
+    if state.motion == Motion.HOLD:
+        return
+    if state.motion != Motion.HOME:
+        _change_velocity(memory, 0)
+    state.motion = Motion.HOLD
+    state.stop_cause = cause
+    _end_task(state)
+
+
+@kernel
+def _change_velocity(memory, servo):
+    """New profile that brings every moving channel to the commanded rate (servo) or to rest."""
+    state, parameters, profile = memory.state, memory.parameters, memory.profile
+    depth = state.pose.shape[0]
+    profiles.clear(profile, state.tick - 1)
+    first, last = (depth, depth + 1) if state.on_path else (0, depth)
+    for c in range(first, last):
+        target = memory.command.argument[c] if servo else 0.0
+        profiles.append_velocity_change(
+            profile,
+            c,
+            state.setpoint[c],
+            state.setpoint_rate[c],
+            state.setpoint_acceleration[c],
+            target,
+            parameters.acceleration[c],
+            parameters.jerk[c],
+        )
+
+
+@kernel
+def obey(memory, record):
+    """Carry out the accepted command of this tick. Lifecycle verbs have been carried out already."""
+    command, state = memory.command, memory.state
+    verb = command.verb
+    if verb == Verb.STOP:
+        if state.motion == Motion.HOLD and state.task == Task.HOLDING:
+            state.task = Task.DONE
+        brake(memory, -1)
+        state.paused_motion = Motion.HOLD
+    elif verb == Verb.LOAD_PLAN:
+        memory.plan = memory.staged_plan
+        state.plan_number = memory.plan.number
+        state.on_path = 0
+        state.setpoint[state.pose.shape[0]] = 0.0
+        state.task = Task.IDLE
+    elif verb == Verb.SET_PARAMETERS:
+        memory.parameters = memory.staged_parameters
+    elif verb == Verb.REGISTER_ENTRY:
+        for i in range(state.pose.shape[0]):
+            state.pose_entry[i] = state.pose[i]
+    elif verb == Verb.LOAD_ARRAY or verb == Verb.UNLOAD_ARRAY:
+        state.array_loaded = 1 if verb == Verb.LOAD_ARRAY else 0
+        state.unbiased = 0
+        state.plan_number = 0
+        state.task = Task.IDLE
+        state.stylet_reference_mm = 0.0
+        state.stylet_extra_mm = 0.0
+        state.on_path = 0
+        state.setpoint[state.pose.shape[0]] = 0.0
+        for i in range(3):
+            state.lateral_offset_mm[i] = 0.0
+    elif verb == Verb.UNBIAS:
+        state.unbiased = 0
+        state.unbias_left = memory.parameters.unbias_ticks
+        for i in range(6):
+            state.unbias_sum[i] = 0.0
+    elif verb == Verb.HOME:
+        _begin_homing(state)
+    elif verb == Verb.RESUME or verb >= Verb.MOVE_CP:
+        _begin_motion(memory, record)
+
+
+@kernel
+def _begin_homing(state):
+    state.motion = Motion.HOME
+    state.homed = 0
+    state.on_path = 0
+    state.homing_ticks = 0
+    state.stall_ticks = 0
+    state.task = Task.IDLE
+
+
+@kernel
+def _begin_motion(memory, record):
+    """Adopt the proposed profile, or build the one of a velocity stream."""
+    command, state = memory.command, memory.state
+    verb = command.verb
+    if verb == Verb.RESUME:
+        verb = (
+            Verb.INSERT
+            if state.paused_motion == Motion.INSERT
+            else Verb.RETRACT
+            if state.paused_motion == Motion.RETRACT
+            else 0
+        )
+        state.paused_motion = Motion.HOLD
+        if verb == 0:
+            return
+    else:
+        if verb == Verb.INSERT or verb == Verb.RETRACT:
+            state.depth_goal_mm = command.argument[0]
+            state.depth_speed_mm_per_s = command.argument[1]
+    state.stop_cause = -1
+    state.stream_tick = record.tick
+    if verb == Verb.INSERT or verb == Verb.RETRACT:
+        memory.profile = memory.proposal
+        state.on_path = 1
+        state.motion = Motion.INSERT if verb == Verb.INSERT else Motion.RETRACT
+        state.task = Task.INSERTING if verb == Verb.INSERT else Task.RETRACTING
+        evaluate_goal(memory)
+        return
+    if state.on_path:
+        state.on_path = 0
+        state.setpoint[state.pose.shape[0]] = 0.0
+    if state.task != Task.DONE:
+        state.task = Task.APPROACH if verb == Verb.APPROACH else Task.IDLE
+    if verb == Verb.SERVO_CV:
+        state.motion = Motion.SERVO_CV
+        _change_velocity(memory, 1)
+        for i in range(state.pose.shape[0]):
+            state.pose_goal[i] = math.nan
+        return
+    memory.profile = memory.proposal
+    state.motion = Motion.SERVO_CP if verb == Verb.SERVO_CP else Motion.MOVE
+    for i in range(state.pose.shape[0]):
+        state.pose_goal[i] = profiles.final_position(memory.profile, i)
+
+
+@kernel
+def evaluate_goal(memory):
+    """Pose at the depth where the motion along the path will end."""
+    state = memory.state
+    out = state.scratch[0]
+    evaluate_path(memory.plan, state.depth_goal_mm, out, state.scratch[1])
+    for i in range(state.pose.shape[0]):
+        state.pose_goal[i] = out[i]
+
+
+@kernel
+def advance(memory, record):
+    """Move the setpoint by one tick along the profile; end motions that have arrived. Writes the planned stylet."""
+    state, profile = memory.state, memory.profile
+    dof = state.pose.shape[0]
+    time = (state.tick - profile.start_tick) * memory.parameters.period_s
+    for c in range(dof + 1):
+        if profile.segments[c] > 0:
+            p, v, a = profiles.evaluate(profile, c, time)
+            state.setpoint[c] = p
+            state.setpoint_rate[c] = v
+            state.setpoint_acceleration[c] = a
+    if state.on_path:
+        out = state.scratch[0]
+        slope = state.scratch[1]
+        evaluate_path(memory.plan, state.setpoint[dof], out, slope)
+        for i in range(dof):
+            state.setpoint[i] = out[i]
+            state.setpoint_rate[i] = slope[i] * state.setpoint_rate[dof]
+            state.setpoint_acceleration[i] = 0.0
+        record.stylet_desired_mm = out[dof]
+    else:
+        record.stylet_desired_mm = state.stylet_reference_mm
+    if state.motion == Motion.SERVO_CV:
+        _look_ahead(memory, record)
+    elif time >= profile.duration_s and state.motion != Motion.HOLD and state.motion != Motion.HOME:
+        _arrive(state)
+
+
+@kernel
+def _arrive(state):
+    """A profile that ends at rest has ended: say what that means for the task."""
+    if state.motion == Motion.SERVO_CP:
+        return  # the stream decides when it is over
+    if state.motion == Motion.INSERT:
+        state.task = Task.HOLDING
+    elif state.motion == Motion.RETRACT:
+        state.task = Task.DONE if state.setpoint[state.setpoint.shape[0] - 1] <= 1e-9 else Task.HOLDING
+    elif state.task == Task.APPROACH:
+        state.task = Task.AT_ENTRY
+    state.motion = Motion.HOLD
+
+
+@kernel
+def _look_ahead(memory, record):
+    """A velocity stream must be able to stop inside the workspace: distance v/2 (v/a + a/j) from here."""
+    state, parameters = memory.state, memory.parameters
+    ahead = state.scratch[0]
+    worst = math.nan
+    for i in range(state.pose.shape[0]):
+        a, j = parameters.acceleration[i], parameters.jerk[i]
+        v = state.setpoint_rate[i] + 0.5 * state.setpoint_acceleration[i] * abs(state.setpoint_acceleration[i]) / j
+        ahead[i] = state.setpoint[i] + 0.5 * v * (abs(v) / a + a / j)
+        worst = ahead[i] if i == 0 else worst
+    if reach(memory.robot, ahead[: state.pose.shape[0]]) != REACHABLE:
+        raise_condition(state, record, Condition.WORKSPACE, worst, math.nan)

@@ -1,0 +1,114 @@
+"""The controller and a simulated backend in lockstep: a virtual clock, no waiting, no sockets.
+
+What happens depends on the settings, the seed and the commands alone, never on the speed of the machine.
+"""
+
+from collections.abc import Callable
+
+import numba
+import numpy as np
+
+from hal.backend import Backend, CompiledDevice, load
+from hal.errors import BackendError
+from hal.frames import actuator_frame, sensor_frame
+from hal.kernel import kernel
+from rtctl.commands import COMMAND, Verb
+from rtctl.controller import Controller
+from rtctl.exchange.control import ARMING_ALLOWED
+from rtctl.settings import Settings
+from rtctl.tick import tick as run_tick
+
+
+@kernel
+def run(first_tick, records, truths, truth, memory, sensors, actuators, device, read, write, period_ns, health):
+    """Run len(records) ticks without the interpreter; `read` and `write` are the kernels of the device."""
+    for k in range(records.shape[0]):
+        tick = first_tick + k
+        record = records[k]
+        record.tick = tick
+        record.time_ns = tick * period_ns
+        record.gateway_health = health
+        read(device, tick, sensors)
+        run_tick(memory, sensors, actuators, record)
+        write(device, tick, actuators)
+        memory.command.verb = 0
+        memory.command.sequence = 0
+        truths[k] = truth
+        truths[k].time_ns = record.time_ns
+        truths[k].tick = tick
+
+
+class Lockstep:
+    """A closed loop of controller and compiled plant.
+
+    Args:
+        settings: of the controller, and of the backend it names.
+        seed: of the backend's noise.
+        sink: is given every block of records and truths (arrays), in order; for logs.
+
+    Raises:
+        BackendError: the backend named in the settings has no kernels, so it cannot run in lockstep.
+    """
+
+    BLOCK = 1000
+
+    def __init__(
+        self,
+        settings: Settings,
+        seed: int,
+        sink: Callable[[np.ndarray, np.ndarray], None] = lambda _records, _truths: None,
+    ) -> None:
+        self.controller = Controller(settings)
+        period = settings.loop.period_s
+        self.backend: Backend = load(settings.backend.name, settings.backend.options, period_s=period, seed=seed)
+        compiled, truth = self.backend.compiled(), self.backend.truth()
+        if compiled is None or truth is None:
+            raise BackendError("this backend cannot run in lockstep", value=settings.backend.name, remedy="use a simulation")  # fmt: skip
+        self.device: CompiledDevice = compiled
+        self.truth_signals, self.truth = truth
+        self.period_ns = round(period * 1e9)
+        self.sink = sink
+        self.tick = 0
+        self.sequence = 0
+        self.records = np.zeros(self.BLOCK, self.controller.table.dtype)
+        self.truths = np.zeros(self.BLOCK, self.truth.dtype)
+        self.backend.open()
+
+    def advance(self, ticks: int) -> np.void:
+        """Run `ticks` ticks and return the last record."""
+        c = self.controller
+        while ticks > 0:
+            n = min(ticks, self.BLOCK)
+            records, truths = self.records[:n], self.truths[:n]
+            run(
+                self.tick,
+                records,
+                truths,
+                self.truth[0],
+                c.memory[0],
+                c.sensors[0],
+                c.actuators[0],
+                self.device.device[0],
+                self.device.read,
+                self.device.write,
+                self.period_ns,
+                ARMING_ALLOWED,
+            )
+            self.tick += n
+            ticks -= n
+            self.sink(records, truths)
+        return records[-1].copy()
+
+    def command(self, verb: Verb, *arguments: float) -> np.void:
+        """Give the controller one command in the next tick, and return the record of that tick."""
+        self.sequence += 1
+        row = np.zeros(1, COMMAND)
+        row["sequence"], row["verb"], row["deadline_tick"] = self.sequence, verb, self.tick + 1
+        row["argument"][0, : len(arguments)] = arguments
+        self.controller.order(row[0])
+        self.controller.propose(self.tick)
+        return self.advance(1)
+
+    def close(self) -> None:
+        """Remove power and release the backend."""
+        self.backend.close()

@@ -1,0 +1,125 @@
+"""Runs ticks on the grid clock between a backend and shared memory. Counts and records, never prints."""
+
+import numpy as np
+
+from hal.backend import Backend
+from hal.kernel import kernel
+from rtctl import clock as clocks
+from rtctl.commands import COMMAND, Verb
+from rtctl.controller import Controller
+from rtctl.exchange.atomics import load_acquire, store_release
+from rtctl.exchange.control import ARMING_ALLOWED, Word, get
+from rtctl.exchange.mailbox import fetch
+from rtctl.exchange.poll import new_poller, poll
+from rtctl.exchange.ring import commit
+from rtctl.exchange.segment import Segment
+
+STOP_LIMIT_TICKS = 3000
+"""A motion that has not come to rest this long after a request to end is cut off."""
+
+
+class Loop:
+    """The real-time loop of one controller.
+
+    Args:
+        controller, backend: what runs; the backend is open.
+        segment: what the gateway sees.
+        heartbeat_ticks: silence of the gateway after which it counts as dead.
+        may_arm: whether enabling is allowed on this machine (its grade, or an explicit flag).
+    """
+
+    def __init__(
+        self, controller: Controller, backend: Backend, segment: Segment, heartbeat_ticks: int, may_arm: bool
+    ) -> None:
+        self.controller, self.backend, self.segment = controller, backend, segment
+        self.heartbeat_ticks = heartbeat_ticks
+        self.permission = ARMING_ALLOWED if may_arm else 0
+        self.poller = new_poller(segment.control)
+        truth = backend.truth()
+        self.truth = truth[1] if truth is not None else None
+        self.ending_since = -1
+
+    def run(self, clock: np.ndarray, ticks: int | None = None) -> None:
+        """Run until somebody asks for a stop (control word STOP_REQUEST), or for `ticks` ticks; end without power."""
+        while ticks is None or ticks > 0:
+            if self.cycle(clock):
+                return
+            if ticks is not None:
+                ticks -= 1
+        self.ending_since = int(clock["tick"][0])
+        while not self.cycle(clock):
+            pass
+
+    def cycle(self, clock: np.ndarray) -> bool:
+        """One tick. True when the loop has ended: at rest, and without power."""
+        c, s = self.controller, self.segment
+        verb = begin(clock, s.control, s.mailbox, self.poller, c.memory, c.record, self.heartbeat_ticks, self.permission)
+        tick = int(clock["tick"][0])
+        if self.ending_since >= 0 or get(s.control, Word.STOP_REQUEST):
+            verb = self._order_end(tick)
+        self.backend.read(tick, c.sensors)
+        if verb:
+            self._prepare(verb, tick)
+        c.step()
+        self.backend.write(tick, c.actuators)
+        finish(clock, c.record, s.records, s.control)
+        if self.truth is not None:
+            publish_truth(c.record, self.truth, s.truths)
+        return self.ending_since >= 0 and verb == Verb.DISABLE
+
+    def _prepare(self, verb: int, tick: int) -> None:
+        """What a command needs beside the tick: its staged data, or a motion profile."""
+        memory, command = self.controller.memory, self.controller.command[0]
+        number, slot = int(command["argument"][0]) if np.isfinite(command["argument"][0]) else -1, int(command["slot"])
+        if verb == Verb.LOAD_PLAN:
+            staged = memory["staged_plan"][0]
+            if not fetch(self.segment.plans, slot, number, staged):
+                staged["number"] = -1
+        elif verb == Verb.SET_PARAMETERS:
+            staged = memory["staged_parameters"][0]
+            if not fetch(self.segment.parameters, slot, number, staged):
+                staged["number"] = -1
+        else:
+            self.controller.propose(tick)
+
+    def _order_end(self, tick: int) -> int:
+        """Commands of the loop itself on its way out: stop, and once at rest (or too late) disable."""
+        if self.ending_since < 0:
+            self.ending_since = tick
+        record = self.controller.record[0]
+        row = np.zeros(1, COMMAND)
+        resting = not record["is_busy"] and tick > self.ending_since
+        verb = Verb.DISABLE if resting or tick - self.ending_since > STOP_LIMIT_TICKS else Verb.STOP
+        row["verb"], row["deadline_tick"] = verb, tick
+        self.controller.order(row[0])
+        return int(verb)
+
+
+@kernel
+def begin(clock, control, mailbox, poller, memory, record, heartbeat_ticks, permission):
+    """Wait for the grid point, stamp the record, and look at the gateway once. Returns the verb of the command."""
+    clocks.wait(clock[0], record[0])
+    record[0].gateway_health = poll(control, mailbox, poller[0], memory[0].command, heartbeat_ticks) | permission
+    return memory[0].command.verb
+
+
+@kernel
+def finish(clock, record, records, control):
+    """Stamp the duration, put the record into the ring, and update the control words others watch."""
+    r = record[0]
+    clocks.stamp_duration(clock[0], r)
+    commit(records, r)
+    store_release(control, Word.TICK, r.tick)
+    if r.missed_ticks > 0:
+        store_release(control, Word.OVERRUNS, load_acquire(control, Word.OVERRUNS) + 1)
+        store_release(control, Word.MISSED_TICKS, load_acquire(control, Word.MISSED_TICKS) + r.missed_ticks)
+    if r.lateness_ns > load_acquire(control, Word.MAX_LATENESS_NS):
+        store_release(control, Word.MAX_LATENESS_NS, r.lateness_ns)
+
+
+@kernel
+def publish_truth(record, truth, truths):
+    """Put what the simulation knows into its own ring, stamped like the record."""
+    truth[0].time_ns = record[0].time_ns
+    truth[0].tick = record[0].tick
+    commit(truths, truth[0])
