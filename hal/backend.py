@@ -8,20 +8,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from hal.errors import BackendError
+from hal.signals import Table
 
 GROUP = "rtctl.backends"
-
-
-@dataclass(frozen=True)
-class Signal:
-    """One named value of a record: its type, shape, unit, frame and meaning."""
-
-    name: str
-    type: str
-    shape: tuple[int, ...]
-    unit: str
-    meaning: str
-    frame: str = ""
 
 
 @dataclass(frozen=True)
@@ -70,8 +59,8 @@ class Backend(Protocol):
     def compiled(self) -> CompiledDevice | None:
         """The same devices as kernels, or None where they are not."""
 
-    def truth(self) -> tuple[tuple[Signal, ...], np.ndarray] | None:
-        """What a simulation knows and a controller may not: signals and their live record, shape (1,)."""
+    def truth(self) -> tuple[Table, np.ndarray] | None:
+        """What a simulation knows and a controller may not: signals and their live record (1,) of the table's dtype."""
 
 
 def load(name: str, options: Mapping[str, Any], *, period_s: float, seed: int) -> Backend:

@@ -10,7 +10,7 @@ from rtctl.parameters import pack
 from rtctl.propose import Proposer
 from rtctl.record import controller_table
 from rtctl.settings import Settings
-from rtctl.tick import tick as run_tick
+from rtctl.tick import step_arrays
 
 
 class Controller:
@@ -55,4 +55,4 @@ class Controller:
 
     def step(self) -> None:
         """Run one tick on the frames and the record as they are."""
-        run_tick(self.memory[0], self.sensors[0], self.actuators[0], self.record[0])
+        step_arrays(self.memory, self.sensors, self.actuators, self.record)

@@ -64,7 +64,6 @@ class Daemon:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: self.stop())
         self.run_directory.mkdir(parents=True, exist_ok=True)
-        put(self.control, Word.GATEWAY_EXPECTED, int(self.with_gateway))
         self.real_time = self._start("rtctl.realtime", *(["--ticks", str(self.ticks)] if self.ticks else []))
         try:
             self._wait_until_ready()
@@ -104,6 +103,7 @@ class Daemon:
                 if self.gateway is None or self.gateway.poll() is not None or self.stopping_since is not None:
                     return
                 self._within(limit, "the gateway did not get ready")
+            put(self.control, Word.GATEWAY_EXPECTED, 1)  # from here on its silence is a condition
         grade = Grade(get(self.control, Word.GRADE)).name.lower().replace("_", "-")
         self.notifier.notify(f"READY=1\nSTATUS=running, grade {grade}")
         print(f"rtctl: {self.settings.robot.name} is running, grade {grade}, in {self.run_directory}", flush=True)

@@ -34,7 +34,11 @@ def judge(memory, sensors, record):
         if not math.isfinite(command.argument[i]):
             return refuse(record, Reason.NOT_FINITE, command.argument[i], float(i))
     if verb == Verb.ENABLE:
-        return Reason.ACCEPTED if record.gateway_health & ARMING_ALLOWED else refuse(record, Reason.NOT_REAL_TIME, math.nan, math.nan)
+        return (
+            Reason.ACCEPTED
+            if record.gateway_health & ARMING_ALLOWED
+            else refuse(record, Reason.NOT_REAL_TIME, math.nan, math.nan)
+        )
     if verb == Verb.LOAD_PLAN:
         if memory.staged_plan.number != int(command.argument[0]):
             return refuse(record, Reason.STALE_SLOT, command.argument[0], float(memory.staged_plan.number))

@@ -5,12 +5,10 @@ What happens depends on the settings, the seed and the commands alone, never on 
 
 from collections.abc import Callable
 
-import numba
 import numpy as np
 
 from hal.backend import Backend, CompiledDevice, load
 from hal.errors import BackendError
-from hal.frames import actuator_frame, sensor_frame
 from hal.kernel import kernel
 from rtctl.commands import COMMAND, Verb
 from rtctl.controller import Controller

@@ -8,7 +8,7 @@ from rtctl import clock as clocks
 from rtctl.commands import COMMAND, Verb
 from rtctl.controller import Controller
 from rtctl.exchange.atomics import load_acquire, store_release
-from rtctl.exchange.control import ARMING_ALLOWED, Word, get
+from rtctl.exchange.control import ARMING_ALLOWED, Word
 from rtctl.exchange.mailbox import fetch
 from rtctl.exchange.poll import new_poller, poll
 from rtctl.exchange.ring import commit
@@ -53,9 +53,11 @@ class Loop:
     def cycle(self, clock: np.ndarray) -> bool:
         """One tick. True when the loop has ended: at rest, and without power."""
         c, s = self.controller, self.segment
-        verb = begin(clock, s.control, s.mailbox, self.poller, c.memory, c.record, self.heartbeat_ticks, self.permission)
+        verb = begin(
+            clock, s.control, s.mailbox, self.poller, c.memory, c.record, self.heartbeat_ticks, self.permission
+        )
         tick = int(clock["tick"][0])
-        if self.ending_since >= 0 or get(s.control, Word.STOP_REQUEST):
+        if self.ending_since >= 0 or must_end(s.control):
             verb = self._order_end(tick)
         self.backend.read(tick, c.sensors)
         if verb:
@@ -93,6 +95,12 @@ class Loop:
         row["verb"], row["deadline_tick"] = verb, tick
         self.controller.order(row[0])
         return int(verb)
+
+
+@kernel
+def must_end(control):
+    """Somebody asks the loop to end."""
+    return load_acquire(control, Word.STOP_REQUEST) != 0
 
 
 @kernel

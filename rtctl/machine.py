@@ -51,7 +51,7 @@ class Machine:
         """All checks, the compiler's last: it depends on what has run since."""
         new = compiled_here()
         remedy = "run `rtctl warmup` at install; the cache must be writable then"
-        return [*self.checks, Check("kernels from the cache", f"{len(new)} compiled", not new, remedy)]
+        return [*self.checks, Check("kernels from the cache", f"compiled: {', '.join(new) or 'none'}", not new, remedy)]
 
     def as_table(self) -> list[dict[str, object]]:
         """The report as plain data for the run directory."""

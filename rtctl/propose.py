@@ -44,24 +44,25 @@ class Proposer:
         verb = int(m["command"]["verb"])
         if verb not in PLANNED or not np.isfinite(m["command"]["argument"]).all():
             return
-        profiles.clear(m["proposal"], tick - 1)
+        clear(memory["proposal"], tick - 1)
         if verb in (Verb.MOVE_CP, Verb.SERVO_CP):
-            self._propose_pose(m, m["command"]["argument"][: self.dof], verb == Verb.MOVE_CP)
+            self._propose_pose(memory, m["command"]["argument"][: self.dof], verb == Verb.MOVE_CP)
         elif verb == Verb.APPROACH:
             if m["state"]["plan_number"] > 0:
-                self._propose_pose(m, m["plan"]["coefficient"][0, : self.dof, 3], True)
+                self._propose_pose(memory, m["plan"]["coefficient"][0, : self.dof, 3], True)
         else:
             self._propose_depth(m, verb)
 
-    def _propose_pose(self, m: np.void, goal: np.ndarray, whole_way: bool) -> None:
+    def _propose_pose(self, memory: np.ndarray, goal: np.ndarray, whole_way: bool) -> None:
+        m, robot = memory[0], memory["robot"]
         state, parameters, proposal = m["state"], m["parameters"], m["proposal"]
         if not state["homed"]:
             return  # refused before anybody looks at the profile
         start = state["setpoint"][: self.dof]
-        where = first_unreachable(m["robot"], start.copy(), goal.copy(), WAY_POINTS if whole_way else 1)
+        where = first_unreachable(robot, start.copy(), goal.copy(), WAY_POINTS if whole_way else 1)
         if where <= 1.0:
             at = start + where * (goal - start)
-            return self._refuse_pose(m, at)
+            return self._refuse_pose(m["proposal"], robot, at)
         i = self.pose_input
         i.current_position, i.target_position = start, goal
         i.current_velocity = state["setpoint_rate"][: self.dof]
@@ -72,10 +73,9 @@ class Proposer:
         _adopt(proposal, 0, self.pose_trajectory, result)
         return None
 
-    def _refuse_pose(self, m: np.void, at: np.ndarray) -> None:
-        proposal, robot = m["proposal"], m["robot"]
+    def _refuse_pose(self, proposal: np.void, robot: np.ndarray, at: np.ndarray) -> None:
         proposal["valid"], proposal["reason"] = 0, REASON_OF_REACH[int(reach_at(robot, at))]
-        low, high = robot["box_low"], robot["box_high"]
+        low, high = robot["box_low"][0], robot["box_high"][0]
         outside = np.flatnonzero(~((low <= at) & (at <= high)))
         if outside.size:
             proposal["reason_value"], proposal["reason_bound"] = at[outside[0]], outside[0]
@@ -108,6 +108,9 @@ class Proposer:
 PLANNED = frozenset({Verb.MOVE_CP, Verb.SERVO_CP, Verb.APPROACH, Verb.INSERT, Verb.RETRACT, Verb.RESUME})
 
 
+PIECE = ("start_s", "position", "velocity", "acceleration", "jerk")
+
+
 def _refuse(proposal: np.void, reason: Reason, value: float, bound: float) -> None:
     proposal["valid"], proposal["reason"] = 0, reason
     proposal["reason_value"], proposal["reason_bound"] = value, bound
@@ -118,27 +121,27 @@ def _adopt(proposal: np.void, first_channel: int, trajectory: Trajectory, result
     if result.value < 0:
         return _refuse(proposal, Reason.NO_PROFILE, float(result.value), math.nan)
     for channel, p in enumerate(trajectory.profiles[0], first_channel):
-        time = 0.0
-        if p.brake.duration > 0.0:
-            for k in range(2):
-                if p.brake.t[k] > 0.0:
-                    profiles.append(proposal, channel, time, p.brake.p[k], p.brake.v[k], p.brake.a[k], p.brake.j[k])
-                    time += p.brake.t[k]
-        for k in range(7):
-            if p.t[k] > 0.0:
-                profiles.append(proposal, channel, time, p.p[k], p.v[k], p.a[k], p.j[k])
-                time += p.t[k]
-        profiles.append(proposal, channel, time, p.pf, 0.0, 0.0, 0.0)
+        pieces, time = [], 0.0
+        for phases in (p.brake, p) if p.brake.duration > 0.0 else (p,):
+            for t, *start in zip(phases.t, phases.p, phases.v, phases.a, phases.j, strict=False):
+                if t > 0.0:
+                    pieces.append((time, *start))
+                    time += t
+        pieces.append((time, p.pf, 0.0, 0.0, 0.0))
+        n = proposal["segments"][channel] = len(pieces)
+        for name, column in zip(PIECE, zip(*pieces, strict=True), strict=True):
+            proposal[name][channel, :n] = column
     proposal["duration_s"] = trajectory.duration
     return None
 
 
 @kernel
-def first_unreachable(robot, start, goal, points):
+def first_unreachable(robots, start, goal, points):
     """Share 0 .. 1 of the straight way at which the robot can first not follow; 2 if it can follow to the end.
 
     The start is not judged: from wherever the robot is, it may go back to where it is allowed to be.
     """
+    robot = robots[0]
     at = start.copy()
     for k in range(1, points + 1):
         share = k / points
@@ -150,6 +153,12 @@ def first_unreachable(robot, start, goal, points):
 
 
 @kernel
-def reach_at(robot, pose):
-    """:func:`rtctl.robots.interface.reach` for Python callers."""
-    return reach(robot, pose)
+def reach_at(robots, pose):
+    """:func:`rtctl.robots.interface.reach` for Python callers, who pass arrays (1,)."""
+    return reach(robots[0], pose)
+
+
+@kernel
+def clear(proposals, tick):
+    """:func:`rtctl.profile.clear` for Python callers, who pass arrays (1,)."""
+    profiles.clear(proposals[0], tick)

@@ -2,42 +2,72 @@
 
 import numpy as np
 
-from hal.backend import Backend
+from hal.backend import Backend, CompiledDevice
 from hal.frames import VALID
+from hal.signals import Table
 from rtctl import clock as clocks
-from rtctl.commands import Verb
+from rtctl.commands import COMMAND, Verb
 from rtctl.controller import Controller
-from rtctl.exchange.mailbox import fetch
-from rtctl.exchange.poll import new_poller
+from rtctl.exchange.control import Word, get, put
+from rtctl.exchange.mailbox import post
 from rtctl.exchange.segment import Segment
 from rtctl.handover import layout
-from rtctl.loop import begin, finish, publish_truth
+from rtctl.loop import Loop
 from rtctl.propose import PLANNED
 from rtctl.settings import Settings
 
+FAR = 2**62
+
 
 def rehearse(settings: Settings, backend: Backend) -> None:
-    """Exercise tick, planner, clock and shared memory with the exact types the loop uses; devices are left alone."""
+    """Run a loop through every kind of command with the exact types of the real one; the devices are left alone."""
     controller = Controller(settings)
     segment = Segment.create(layout(controller, backend))
     clock = clocks.grid(settings.loop.period_s)
-    poller = new_poller(segment.control)
-    memory, sensors, state = controller.memory, controller.sensors[0], controller.memory["state"][0]
-    truth = backend.truth()
-    for verb in (Verb.NONE, Verb.ENABLE, Verb.HOME, *PLANNED):
-        begin(clock, segment.control, segment.mailbox, poller, memory, controller.record, 1, 0)
-        memory["command"]["verb"] = verb
-        memory["command"]["deadline_tick"] = 2**62
-        controller.command["argument"][0, : controller.axes - 1] = controller.robot.home_pose
-        controller.propose(int(clock["tick"][0]))
-        sensors["powered"], sensors["axes_validity"], sensors["wrench_validity"] = 1, VALID, VALID
-        controller.step()
-        finish(clock, controller.record, segment.records, segment.control)
-        if truth is not None:
-            publish_truth(controller.record, np.zeros_like(truth[1]), segment.truths)
+    loop = Loop(controller, Understudy(backend), segment, heartbeat_ticks=1, may_arm=True)
+    state = controller.memory["state"][0]
+    row = np.zeros(1, COMMAND)
+    row["deadline_tick"] = FAR
+    for verb in (Verb.NONE, Verb.ENABLE, Verb.LOAD_PLAN, Verb.SET_PARAMETERS, Verb.HOME, *PLANNED):
+        row["verb"] = verb
+        row["argument"][0, : controller.robot.dof] = controller.robot.home_pose
+        post(segment.mailbox, row[0])
+        loop.cycle(clock)
         if verb == Verb.HOME:  # as if the stops had been found, so that kinematics and planning run, too
             state["homed"], state["plan_number"] = 1, 1
             state["pose"] = state["setpoint"][:-1] = state["reference"] = controller.robot.home_pose
-    fetch(segment.plans, 0, 1, memory["staged_plan"][0])
-    fetch(segment.parameters, 0, 1, memory["staged_parameters"][0])
+    put(segment.control, Word.GRADE, get(segment.control, Word.GRADE))
+    loop.run(clock, ticks=1)
     segment.close()
+
+
+class Understudy:
+    """Stands in for a backend: same frames and the same truth, nothing behind them."""
+
+    simulated = True
+
+    def __init__(self, backend: Backend) -> None:
+        self.axes, self.watchdog_ticks = backend.axes, backend.watchdog_ticks
+        truth = backend.truth()
+        self._truth = None if truth is None else (truth[0], np.zeros_like(truth[1]))
+
+    def open(self) -> None:
+        """Nothing to open."""
+
+    def read(self, _tick: int, sensors: np.ndarray) -> None:
+        """Everything valid and zero, under power."""
+        sensors["powered"], sensors["axes_validity"], sensors["wrench_validity"] = 1, VALID, VALID
+
+    def write(self, _tick: int, _actuators: np.ndarray) -> None:
+        """Nothing moves."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def compiled(self) -> CompiledDevice | None:
+        """No kernels."""
+        return None
+
+    def truth(self) -> tuple[Table, np.ndarray] | None:
+        """The layout of the other's truth, all zero."""
+        return self._truth

@@ -43,6 +43,12 @@ def tick(memory, sensors, actuators, record):
 
 
 @kernel
+def step_arrays(memory, sensors, actuators, record):
+    """:func:`tick` for callers in Python, which pass whole arrays (1,): a record would be looked at anew every call."""
+    tick(memory[0], sensors[0], actuators[0], record[0])
+
+
+@kernel
 def begin(memory, sensors, record):
     """Copy what came in, so that the record can be replayed; bridge a short silence with the last valid angles."""
     command, state = memory.command, memory.state

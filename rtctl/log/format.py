@@ -12,7 +12,8 @@ import msgspec
 import numpy as np
 
 from hal.errors import RtctlError
-from rtctl.record import CDR_HEADER, ROS_TYPES
+from hal.signals import ROS_TYPES
+from rtctl.record import CDR_HEADER
 
 PROFILE = "ros2"
 HEADER_NAME = "rtctl"

@@ -8,6 +8,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from hal.signals import Table
 from rtctl.log.format import (
     CONTROLLER,
     HASH,
@@ -21,7 +22,7 @@ from rtctl.log.format import (
     encode_json,
 )
 from rtctl.log.hashing import OutputHash, split_seconds
-from rtctl.record import CDR_HEADER, Table
+from rtctl.record import CDR_HEADER
 
 LIBRARY = "rtctl"
 """Fixed, so that a file tells the experiment and not the installation."""

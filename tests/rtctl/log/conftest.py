@@ -3,8 +3,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hal.backend import Signal
-from rtctl.record import TICK, TIME, Table, controller_table
+from hal.signals import Signal
+from hal.signals import TICK, TIME, Table
+from rtctl.record import controller_table
 
 MakeRows = Callable[..., np.ndarray]
 

@@ -1,0 +1,68 @@
+"""The plant as a backend: options in, compiled bench out."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hal import options
+from hal.backend import CompiledDevice
+from hal.signals import Table
+from sim_backends.plant import device
+from sim_backends.plant.options import PlantOptions
+from sim_backends.plant.state import AXES, TABLE, pack
+
+
+class PlantBackend:
+    """Planar insertion robot, stylet drive, force sensor, array and cochlea, simulated tick by tick (08).
+
+    Time is the tick number alone: nothing here looks at a clock, and a run depends on options, seed, and the ticks and
+    frames it is given. The mechanics persist from one session to the next, as those of a real bench do.
+
+    Args:
+        table: settings, see :class:`~sim_backends.plant.options.PlantOptions`.
+        period_s: time between two ticks.
+        seed: of the sensor noise and of the sensor's matrix error.
+
+    Raises:
+        OptionError: a setting is wrong. RobotError: the true geometry cannot be assembled.
+    """
+
+    axes = AXES
+    simulated = True
+
+    def __init__(self, table: Mapping[str, Any], *, period_s: float, seed: int) -> None:
+        self.options = options.read(PlantOptions, table, "backend.options")
+        self.watchdog_ticks = self.options.watchdog_ticks
+        self._device = pack(self.options, period_s, seed)
+        self._record = self._device[0]
+
+    def open(self) -> None:
+        """Start a session: no power, encoders at zero."""
+        d = self._record
+        d["opened"], d["started"], d["powered"], d["tripped"], d["amplifier_fault"] = 1, 0, 0, 0, 0
+        d["command_v"] = 0.0
+        d["axes_sequence"] = d["wrench_sequence"] = 0
+        d["motor"]["zero_rad"] = d["motor"]["angle_rad"]
+
+    def read(self, tick: int, sensors: np.ndarray) -> None:
+        """Simulate up to grid tick `tick` and fill the sensor frame, shape (1,)."""
+        device.read_arrays(self._device, tick, sensors)
+
+    def write(self, tick: int, actuators: np.ndarray) -> None:
+        """Take the actuator frame, shape (1,), for the time after `tick`."""
+        device.write_arrays(self._device, tick, actuators)
+
+    def close(self) -> None:
+        """End the session: no power, no measurements."""
+        d = self._record
+        d["opened"], d["powered"] = 0, 0
+        d["command_v"] = 0.0
+
+    def compiled(self) -> CompiledDevice:
+        """Kernels of this very bench and its record."""
+        return CompiledDevice(device.read, device.write, self._device)
+
+    def truth(self) -> tuple[Table, np.ndarray]:
+        """True state of the bench: signals and their live record, shape (1,), as of the last read."""
+        return TABLE, self._device["truth"]

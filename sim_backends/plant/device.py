@@ -1,0 +1,141 @@
+"""The simulated bench as a device: the two verbs `read` and `write` in compiled code."""
+
+import math
+
+import numba
+from numba import types
+
+from hal.frames import INVALID, SATURATED, VALID, actuator_frame, sensor_frame
+from hal.kernel import kernel
+from sim_backends.plant.bench import advance, clear_command, cut_power, load_array, start
+from sim_backends.plant.contact import NODES
+from sim_backends.plant.motors import encoder_angle
+from sim_backends.plant.sensor import sample
+from sim_backends.plant.state import AXES, DEVICE, STYLET
+
+REST_TICKS = 100
+"""After so many ticks without power and motion the filters have settled too: time may be skipped."""
+COMMAND_LIMIT_V = 10.0
+NEVER = 2**31 - 1
+
+_DEVICE = numba.from_dtype(DEVICE)
+_SENSORS, _ACTUATORS = (numba.from_dtype(frame(AXES)) for frame in (sensor_frame, actuator_frame))
+READ = types.int64(_DEVICE, types.int64, _SENSORS)
+WRITE = types.int64(_DEVICE, types.int64, _ACTUATORS)
+READ_ARRAYS = types.int64(_DEVICE[::1], types.int64, _SENSORS[::1])
+WRITE_ARRAYS = types.int64(_DEVICE[::1], types.int64, _ACTUATORS[::1])
+
+
+@kernel
+def _sample_axes(device, sensors):
+    fresh = device.opened and device.tick - device.start_tick < device.axes_silent_ticks
+    if fresh and device.tick > device.axes_tick:
+        device.axes_tick = device.tick
+        device.axes_sequence += 1
+    for i in range(AXES):
+        sensors.axis_angle_rad[i] = encoder_angle(device.motor[i]) if fresh else math.nan
+    sensors.axes_validity = VALID if fresh else INVALID
+    sensors.axes_sequence = device.axes_sequence
+    sensors.axes_age_ticks = min(device.tick - device.axes_tick, NEVER) if device.started else NEVER
+
+
+@kernel
+def _sample_wrench(device, sensors):
+    since = device.tick - device.start_tick
+    fresh = device.opened and since < device.wrench_silent_ticks
+    if fresh and device.tick > device.wrench_tick:
+        device.wrench_tick = device.tick
+        device.wrench_sequence += 1
+    validity = INVALID
+    if fresh:
+        within = sample(device.sensor, device.seed, device.tick, sensors.wrench_in_sensor)
+        validity = VALID if within and since < device.wrench_saturated_ticks else SATURATED
+    if validity != VALID:
+        for i in range(6):
+            sensors.wrench_in_sensor[i] = math.nan
+    sensors.wrench_validity = validity
+    sensors.wrench_sequence = device.wrench_sequence
+    sensors.wrench_age_ticks = min(device.tick - device.wrench_tick, NEVER) if device.started else NEVER
+
+
+@kernel
+def _tell_truth(device):
+    """Copy what a report wants to know; nothing else reads it."""
+    truth, array = device.truth, device.array
+    truth.tick = device.tick
+    for i in range(3):
+        truth.pose_gripper_in_base[i] = device.pose[i]
+        truth.wrench_on_gripper_in_base[i] = device.wrench[i]
+        truth.wire_tension_n[2 * i] = device.leg[i].near_n
+        truth.wire_tension_n[2 * i + 1] = device.leg[i].far_n
+    for i in range(AXES):
+        truth.motor_rate_rad_per_s[i] = device.motor[i].rate_rad_per_s
+        truth.motor_current_a[i] = device.motor[i].current_a
+    for i in range(NODES):
+        for k in range(2):
+            truth.array_node_in_base_mm[2 * i + k] = array.node_mm[i, k] if array.placed else math.nan
+    for k in range(2):
+        truth.array_tip_in_base_mm[k] = truth.array_node_in_base_mm[2 * NODES - 2 + k]
+    truth.array_depth_mm = array.depth_mm
+    truth.stylet_mm = device.stylet_mm
+    truth.stylet_rod_mm = device.motor[STYLET].lead_mm_per_rad * device.motor[STYLET].angle_rad
+    truth.contacts = array.contacts
+    truth.array_loaded = device.array_loaded
+    truth.in_hole = array.in_hole
+    truth.wall_contact = array.wall_contact
+    truth.lip_contact = array.lip_contact
+    truth.face_contact = array.face_contact
+
+
+@kernel(signature=READ)
+def read(device, tick, sensors):
+    """Simulate up to `tick` with the command last written, then sample every sensor. Always 0."""
+    if device.opened:
+        if not device.started:
+            start(device, tick)
+        while device.tick < tick:
+            if device.rest_ticks >= REST_TICKS and not device.powered:
+                device.tick = tick
+            else:
+                advance(device)
+        _tell_truth(device)
+    _sample_axes(device, sensors)
+    _sample_wrench(device, sensors)
+    sensors.powered = device.powered
+    sensors.watchdog_tripped = device.tripped
+    sensors.amplifier_fault = device.amplifier_fault
+    return 0
+
+
+@kernel(signature=WRITE)
+def write(device, tick, actuators):
+    """Store the command for the time after `tick`. A command that is not finite counts as none. Always 0."""
+    if not device.opened:
+        return 0
+    load_array(device, actuators.array_loaded)
+    finite = True
+    for i in range(AXES):
+        finite = finite and math.isfinite(actuators.command_v[i])
+    if not actuators.power:
+        device.tripped = 0
+        cut_power(device)
+    elif not finite:
+        clear_command(device)
+    elif not (device.tripped or device.amplifier_fault):
+        device.powered = 1
+        device.write_tick = tick
+        for i in range(AXES):
+            device.command_v[i] = min(max(actuators.command_v[i], -COMMAND_LIMIT_V), COMMAND_LIMIT_V)
+    return 0
+
+
+@kernel(signature=READ_ARRAYS)
+def read_arrays(device, tick, sensors):
+    """`read` for the interpreter, which hands over arrays (1,) forty times faster than records."""
+    return read(device[0], tick, sensors[0])
+
+
+@kernel(signature=WRITE_ARRAYS)
+def write_arrays(device, tick, actuators):
+    """`write` for the interpreter."""
+    return write(device[0], tick, actuators[0])
