@@ -2,7 +2,8 @@
 
 numba's own cache looks only at the file of the function it stores, so an edit in a callee of another
 file leaves the old machine code running. Here the cache directory is named by a hash over every
-source file that can end up in a kernel; an edit anywhere there gives a new, empty directory.
+source file that can end up in a kernel; an edit anywhere there gives a new, empty directory, and no other
+place is ever looked at.
 """
 
 import ast
@@ -12,14 +13,46 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar, cast, overload
 
 import numba
+from numba import types
+from numba.core.caching import UserProvidedCacheLocator
+from numba.core.dispatcher import Dispatcher
+
+from hal.errors import RtctlError
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("hal", "rtctl", "drivers", "sim_backends")
 _DISPATCHERS: list[Any] = []
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+class CacheError(RtctlError):
+    """Machine code cannot be kept where it belongs."""
+
+
+class Locator(UserProvidedCacheLocator):
+    """Finds machine code in :func:`cache_directory` and nowhere else.
+
+    numba's own locator wants to write before it reads, and turns to ``__pycache__`` where it may not: a read-only
+    cache would be passed over, and code of an earlier revision found.
+    """
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> "Locator":
+        return cls(py_func, py_file)
+
+    def ensure_cache_path(self) -> None:
+        """Called before something is written. Raises CacheError."""
+        try:
+            super().ensure_cache_path()
+        except OSError as error:
+            raise CacheError(
+                "the kernel cache cannot be written",
+                value=str(cache_directory()),
+                remedy=f"run `rtctl warmup` as the user who owns it, or set RTCTL_CACHE_DIR ({error.strerror})",
+            ) from None
 
 
 @cache
@@ -71,8 +104,22 @@ def kernel(function: Any = None, *, signature: Any = None) -> Any:
     return _compile(function, None)
 
 
+def specialised(function: F, arguments: tuple[Any, ...]) -> F:
+    """Compile `function` for the types of these `arguments` now, so that it can be cached and called at no cost.
+
+    Kernels with a signature among the arguments are called through their address. Left to itself numba would
+    take each for a type of its own, and a function of such arguments is compiled anew in every process.
+    """
+    signature = tuple(
+        types.FunctionType(a.nopython_signatures[0]) if isinstance(a, Dispatcher) else numba.typeof(a)
+        for a in arguments
+    )
+    return cast(F, _compile(function, [signature]))
+
+
 def _compile(function: Callable[..., Any], signatures: list[Any] | None) -> Any:
     numba.config.CACHE_DIR = str(cache_directory())
+    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{Locator.__name__}"
     dispatcher = numba.njit(signatures, cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
     _DISPATCHERS.append(dispatcher)
     return dispatcher

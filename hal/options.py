@@ -89,7 +89,7 @@ def describe(cls: type, where: str = "") -> Iterator[tuple[str, Any, dataclasses
     for field in dataclasses.fields(cls):
         path = f"{where}.{field.name}" if where else field.name
         if dataclasses.is_dataclass(hints[field.name]):
-            yield from describe(hints[field.name], path)  # type: ignore[arg-type]
+            yield from describe(hints[field.name], path)
         else:
             yield path, hints[field.name], field
 
@@ -125,7 +125,9 @@ def _value(hint: Any, field: dataclasses.Field[Any], value: Any, path: str) -> A
         return _value(hint, field, value, path)
     if typing.get_origin(hint) is tuple:
         return _array(field, value, path, field.metadata["shape"])
-    if typing.get_origin(hint) is dict:
+    if hint is dict or typing.get_origin(hint) is dict:
+        if not isinstance(value, Mapping):
+            raise OptionError(f"{path} must be a table", value=value, remedy=f"write [{path}]")
         return dict(value)
     return _scalar(hint, field, value, path)
 

@@ -75,7 +75,7 @@ def watch_outputs(parameters, state, record):
     if state.operating != Operating.ENABLED and state.operating != Operating.PAUSED:
         return
     for i in range(record.command_desired_v.shape[0]):
-        if not math.isfinite(record.command_desired_v[i]):
+        if not (math.isfinite(record.command_desired_v[i]) and math.isfinite(record.command_applied_v[i])):
             raise_condition(state, record, Condition.NOT_FINITE, math.nan, math.nan)
         error = abs(state.last_error_rad[i])
         if error > parameters.following_error_rad:

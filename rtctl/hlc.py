@@ -2,23 +2,28 @@
 
 One profile moves everything: in a move or a servo motion it carries the pose, in an insertion or retraction only the
 depth, and the pose and the stylet follow the planned path at that depth. Stopping is a change of velocity to zero
-in whatever the profile carries, so an interrupted insertion stays on its path.
+in whatever the profile carries, so an interrupted insertion stays on its path. A robot that is not quite on the path
+where it begins to follow it, or is enabled again inside, comes back to it over the way, not at once.
 """
 
 import math
 
 from hal.kernel import kernel
+from rtctl import llc
 from rtctl import profile as profiles
 from rtctl.commands import Verb
 from rtctl.conditions import raise_condition
 from rtctl.electrode.path import evaluate_path
 from rtctl.lifecycle import Condition, Motion, Task
-from rtctl.robots.interface import REACHABLE, reach
+from rtctl.robots.interface import REACHABLE, reach, translate
+
+RETURN_MM = 1.0
+"""Way along the path over which a distance from it falls to 1/e."""
 
 
 @kernel
 def hold_here(memory):
-    """Forget every motion and take the measured pose as the setpoint: bumpless, nothing moves."""
+    """Forget every motion and take the measured pose as the setpoint: bumpless, nothing moves, inside the cochlea too."""
     state = memory.state
     for i in range(state.pose.shape[0]):
         state.setpoint[i] = state.pose[i]
@@ -31,6 +36,35 @@ def hold_here(memory):
     state.paused_motion = Motion.HOLD
     _end_task(state)
     profiles.clear(memory.profile, state.tick)
+    if state.on_path:
+        back = state.scratch[0]
+        for i in range(3):
+            back[i] = -state.lateral_offset_mm[i]
+        translate(memory.robot, state.setpoint, back)
+        _keep_distance(memory)
+
+
+@kernel
+def _keep_distance(memory):
+    """The setpoint stays where it is although the path at the present depth is elsewhere."""
+    state = memory.state
+    at = state.scratch[0]
+    evaluate_path(memory.plan, state.setpoint[state.pose.shape[0]], at, state.scratch[1])
+    for i in range(state.pose.shape[0]):
+        state.path_offset[i] = state.setpoint[i] - at[i]
+
+
+@kernel
+def _leave_path(memory):
+    """From now on the pose is the setpoint, and it begins at the reference, so that the lateral correction is no step."""
+    state = memory.state
+    if state.on_path:
+        for i in range(state.pose.shape[0]):
+            state.setpoint[i] = state.reference[i]
+    for i in range(3):
+        state.lateral_offset_mm[i] = 0.0
+    state.on_path = 0
+    state.setpoint[state.pose.shape[0]] = 0.0
 
 
 @kernel
@@ -50,24 +84,30 @@ def _end_task(state):
 
 
 @kernel
-def brake(memory, cause):
-    """End the motion under way within the limits of acceleration and jerk, and hold where that leads."""
+def brake(memory, cause, setpoint_tick):
+    """End the motion under way within the limits of acceleration and jerk, and hold where that leads.
+
+    setpoint_tick: the tick the present setpoint belongs to, which is the last one before `advance`.
+    """
     state = memory.state
     if state.motion == Motion.HOLD:
         return
-    if state.motion != Motion.HOME:
-        _change_velocity(memory, 0)
+    if state.motion == Motion.HOME:
+        for i in range(state.setpoint.shape[0]):
+            llc.rest(state, i, state.angle_rad[i] - state.home_offset_rad[i])
+    else:
+        _change_velocity(memory, 0, setpoint_tick)
     state.motion = Motion.HOLD
     state.stop_cause = cause
     _end_task(state)
 
 
 @kernel
-def _change_velocity(memory, servo):
+def _change_velocity(memory, servo, setpoint_tick):
     """New profile that brings every moving channel to the commanded rate (servo) or to rest."""
     state, parameters, profile = memory.state, memory.parameters, memory.profile
     depth = state.pose.shape[0]
-    profiles.clear(profile, state.tick - 1)
+    profiles.clear(profile, setpoint_tick)
     first, last = (depth, depth + 1) if state.on_path else (0, depth)
     for c in range(first, last):
         target = memory.command.argument[c] if servo else 0.0
@@ -91,15 +131,17 @@ def obey(memory, record):
     if verb == Verb.STOP:
         if state.motion == Motion.HOLD and state.task == Task.HOLDING:
             state.task = Task.DONE
-        brake(memory, -1)
+        brake(memory, -1, state.tick - 1)
         state.paused_motion = Motion.HOLD
     elif verb == Verb.LOAD_PLAN:
         memory.plan = memory.staged_plan
         state.plan_number = memory.plan.number
-        state.on_path = 0
-        state.setpoint[state.pose.shape[0]] = 0.0
         state.task = Task.IDLE
+        _leave_path(memory)
+        profiles.clear(memory.profile, state.tick)
     elif verb == Verb.SET_PARAMETERS:
+        if memory.staged_parameters.filter_b[0] != memory.parameters.filter_b[0]:
+            state.filter_ready = 0  # what a filter remembers means something else to another one
         memory.parameters = memory.staged_parameters
     elif verb == Verb.REGISTER_ENTRY:
         for i in range(state.pose.shape[0]):
@@ -111,26 +153,25 @@ def obey(memory, record):
         state.task = Task.IDLE
         state.stylet_reference_mm = 0.0
         state.stylet_extra_mm = 0.0
-        state.on_path = 0
-        state.setpoint[state.pose.shape[0]] = 0.0
-        for i in range(3):
-            state.lateral_offset_mm[i] = 0.0
+        _leave_path(memory)
+        profiles.clear(memory.profile, state.tick)
     elif verb == Verb.UNBIAS:
         state.unbiased = 0
         state.unbias_left = memory.parameters.unbias_ticks
         for i in range(6):
             state.unbias_sum[i] = 0.0
     elif verb == Verb.HOME:
-        _begin_homing(state)
+        _begin_homing(memory)
     elif verb == Verb.RESUME or verb >= Verb.MOVE_CP:
         _begin_motion(memory, record)
 
 
 @kernel
-def _begin_homing(state):
+def _begin_homing(memory):
+    state = memory.state
+    _leave_path(memory)
     state.motion = Motion.HOME
     state.homed = 0
-    state.on_path = 0
     state.homing_ticks = 0
     state.stall_ticks = 0
     state.task = Task.IDLE
@@ -160,19 +201,21 @@ def _begin_motion(memory, record):
     state.stream_tick = record.tick
     if verb == Verb.INSERT or verb == Verb.RETRACT:
         memory.profile = memory.proposal
-        state.on_path = 1
+        if not state.on_path:
+            state.on_path = 1
+            _keep_distance(memory)
         state.motion = Motion.INSERT if verb == Verb.INSERT else Motion.RETRACT
         state.task = Task.INSERTING if verb == Verb.INSERT else Task.RETRACTING
         evaluate_goal(memory)
         return
-    if state.on_path:
-        state.on_path = 0
-        state.setpoint[state.pose.shape[0]] = 0.0
-    if state.task != Task.DONE:
-        state.task = Task.APPROACH if verb == Verb.APPROACH else Task.IDLE
+    _leave_path(memory)
+    if verb == Verb.APPROACH:
+        state.task = Task.APPROACH
+    elif state.task != Task.DONE:
+        state.task = Task.IDLE
     if verb == Verb.SERVO_CV:
         state.motion = Motion.SERVO_CV
-        _change_velocity(memory, 1)
+        _change_velocity(memory, 1, state.tick - 1)
         for i in range(state.pose.shape[0]):
             state.pose_goal[i] = math.nan
         return
@@ -197,6 +240,7 @@ def advance(memory, record):
     """Move the setpoint by one tick along the profile; end motions that have arrived. Writes the planned stylet."""
     state, profile = memory.state, memory.profile
     dof = state.pose.shape[0]
+    depth = state.setpoint[dof]
     time = (state.tick - profile.start_tick) * memory.parameters.period_s
     for c in range(dof + 1):
         if profile.segments[c] > 0:
@@ -208,13 +252,13 @@ def advance(memory, record):
         out = state.scratch[0]
         slope = state.scratch[1]
         evaluate_path(memory.plan, state.setpoint[dof], out, slope)
+        stays = max(1.0 - abs(state.setpoint[dof] - depth) / RETURN_MM, 0.0)
         for i in range(dof):
-            state.setpoint[i] = out[i]
+            state.path_offset[i] *= stays
+            state.setpoint[i] = out[i] + state.path_offset[i]
             state.setpoint_rate[i] = slope[i] * state.setpoint_rate[dof]
             state.setpoint_acceleration[i] = 0.0
         record.stylet_desired_mm = out[dof]
-    else:
-        record.stylet_desired_mm = state.stylet_reference_mm
     if state.motion == Motion.SERVO_CV:
         _look_ahead(memory, record)
     elif time >= profile.duration_s and state.motion != Motion.HOLD and state.motion != Motion.HOME:
@@ -237,14 +281,19 @@ def _arrive(state):
 
 @kernel
 def _look_ahead(memory, record):
-    """A velocity stream must be able to stop inside the workspace: distance v/2 (v/a + a/j) from here."""
+    """A velocity stream must be able to stop inside the workspace when its brake begins in the next tick.
+
+    The way to rest is at most: this tick's v T, then what the present acceleration adds until it is gone,
+    v |a|/j + a^3/3j^2, then v'/2 (v'/A + A/j) from the velocity v' it leaves, A being the limit.
+    """
     state, parameters = memory.state, memory.parameters
-    ahead = state.scratch[0]
-    worst = math.nan
-    for i in range(state.pose.shape[0]):
-        a, j = parameters.acceleration[i], parameters.jerk[i]
-        v = state.setpoint_rate[i] + 0.5 * state.setpoint_acceleration[i] * abs(state.setpoint_acceleration[i]) / j
-        ahead[i] = state.setpoint[i] + 0.5 * v * (abs(v) / a + a / j)
-        worst = ahead[i] if i == 0 else worst
-    if reach(memory.robot, ahead[: state.pose.shape[0]]) != REACHABLE:
-        raise_condition(state, record, Condition.WORKSPACE, worst, math.nan)
+    dof = state.pose.shape[0]
+    ahead = state.scratch[0][:dof]
+    for i in range(dof):
+        limit, j = parameters.acceleration[i], parameters.jerk[i]
+        v, a = state.setpoint_rate[i], state.setpoint_acceleration[i]
+        left = v + 0.5 * a * abs(a) / j
+        ahead[i] = state.setpoint[i] + v * parameters.period_s + v * abs(a) / j + a * a * a / (3.0 * j * j)
+        ahead[i] += 0.5 * left * (abs(left) / limit + limit / j)
+    if reach(memory.robot, ahead) != REACHABLE:
+        raise_condition(state, record, Condition.WORKSPACE, ahead[0], math.nan)

@@ -3,7 +3,7 @@
 from hal.kernel import kernel
 from rtctl import hlc, llc
 from rtctl.conditions import raise_condition
-from rtctl.lifecycle import Condition, Motion
+from rtctl.lifecycle import Condition
 
 STILL = 0.05
 """An axis stands still when it makes less than this share of the way asked for."""
@@ -42,7 +42,6 @@ def home(memory, record):
     if state.homing_ticks > parameters.homing_timeout_ticks:
         limit = float(parameters.homing_timeout_ticks)
         raise_condition(state, record, Condition.HOMING_FAILED, float(state.homing_ticks), limit)
-        state.motion = Motion.HOLD
     for i in range(axes):
         state.scratch[0][i] = state.motor_reference[i]
 
@@ -58,9 +57,10 @@ def _arrive(memory):
         state.compensation_rad[i] = 0.0
         state.side[i] = 0.0
         llc.rest(state, i, 0.0)
-        state.scratch[0][i] = 0.0
     for i in range(dof):
         state.pose[i] = memory.robot.home_pose[i]
     state.stylet_reference_mm = 0.0
     state.filter_ready = 0
     hlc.hold_here(memory)
+    for i in range(dof + 1):
+        state.scratch[0][i] = 0.0

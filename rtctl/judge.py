@@ -3,9 +3,10 @@
 import math
 
 from hal.kernel import kernel
+from rtctl import hlc
 from rtctl.commands import Reason, Verb
 from rtctl.exchange.control import ARMING_ALLOWED
-from rtctl.lifecycle import Motion, Task
+from rtctl.lifecycle import Motion, Operating, Task
 
 LAST_VERB = int(max(Verb))
 
@@ -22,12 +23,15 @@ def refuse(record, reason, value, bound):
 def judge(memory, sensors, record):
     """Verdict on the command of this tick from everything but the lifecycle: a Reason, 1 if nothing speaks against it.
 
-    The order is from the general to the particular: horizon, numbers, what the robot needs, what the motion needs.
+    The order is from the general to the particular: horizon, numbers, what the robot needs, what the motion needs. What
+    only makes the robot safer is never too late.
     """
     command, state = memory.command, memory.state
     verb = command.verb
     if verb < 0 or verb > LAST_VERB:
         return refuse(record, Reason.UNKNOWN_VERB, float(verb), float(LAST_VERB))
+    if verb == Verb.STOP or verb == Verb.DISABLE:
+        return Reason.ACCEPTED
     if record.tick > command.deadline_tick:
         return refuse(record, Reason.EXPIRED, float(record.tick - command.deadline_tick), 0.0)
     for i in range(command.argument.shape[0]):
@@ -41,18 +45,18 @@ def judge(memory, sensors, record):
         )
     if verb == Verb.LOAD_PLAN:
         if memory.staged_plan.number != int(command.argument[0]):
-            return refuse(record, Reason.STALE_SLOT, command.argument[0], float(memory.staged_plan.number))
-        if state.motion != Motion.HOLD or _inside(state):
+            return refuse(record, Reason.STALE_SLOT, command.argument[0], math.nan)
+        if not hlc.is_resting(memory) or _inside(state):
             return refuse(record, Reason.BUSY, math.nan, math.nan)
         return Reason.ACCEPTED
     if verb == Verb.SET_PARAMETERS:
         if memory.staged_parameters.number != int(command.argument[0]):
-            return refuse(record, Reason.STALE_SLOT, command.argument[0], float(memory.staged_parameters.number))
+            return refuse(record, Reason.STALE_SLOT, command.argument[0], math.nan)
         return Reason.ACCEPTED
-    if verb <= Verb.RESUME or verb == Verb.STOP or verb == Verb.ACKNOWLEDGE:
-        if verb == Verb.RESUME and state.paused_motion == Motion.HOLD:
-            return Reason.ACCEPTED
-        return memory.proposal.reason if verb == Verb.RESUME else Reason.ACCEPTED
+    if verb == Verb.RESUME and state.paused_motion != Motion.HOLD:
+        return _judge_proposal(memory, record)
+    if verb <= Verb.RESUME or verb == Verb.ACKNOWLEDGE:
+        return Reason.ACCEPTED
     return _judge_task(memory, sensors, record)
 
 
@@ -69,9 +73,12 @@ def _judge_task(memory, sensors, record):
     verb = command.verb
     depth = state.setpoint[state.setpoint.shape[0] - 1]
     if verb == Verb.UNLOAD_ARRAY:
+        if not hlc.is_resting(memory) or state.unbias_left > 0:
+            return refuse(record, Reason.BUSY, math.nan, math.nan)
         return refuse(record, Reason.INSERTED, depth, 0.0) if _inside(state) and depth > 0.5 else Reason.ACCEPTED
     if not sensors.powered:
-        return refuse(record, Reason.NO_POWER, math.nan, math.nan)
+        reason = Reason.WRONG_STATE if state.operating == Operating.FAULT else Reason.NO_POWER
+        return refuse(record, reason, math.nan, math.nan)
     if verb == Verb.HOME:
         if state.array_loaded:
             return refuse(record, Reason.ARRAY_LOADED, math.nan, math.nan)
@@ -95,8 +102,9 @@ def _judge_task(memory, sensors, record):
     if verb == Verb.INSERT:
         if not state.unbiased:
             return refuse(record, Reason.NOT_UNBIASED, math.nan, math.nan)
-        if state.task != Task.AT_ENTRY and state.task != Task.HOLDING:
-            return refuse(record, Reason.NOT_AT_ENTRY, _distance_to_plan(memory), parameters.entry_tolerance_mm)
+        away, tolerance = _distance_to_plan(memory), parameters.entry_tolerance_mm
+        if not (state.task == Task.HOLDING or (state.task == Task.AT_ENTRY and away <= tolerance)):
+            return refuse(record, Reason.NOT_AT_ENTRY, away, tolerance)
     if verb == Verb.RETRACT and not state.on_path:
         return refuse(record, Reason.NOT_AT_ENTRY, _distance_to_plan(memory), parameters.entry_tolerance_mm)
     if (verb == Verb.MOVE_CP or verb == Verb.SERVO_CP or verb == Verb.SERVO_CV or verb == Verb.APPROACH) and _inside(
@@ -108,8 +116,15 @@ def _judge_task(memory, sensors, record):
             if abs(command.argument[i]) > parameters.speed[i]:
                 return refuse(record, Reason.SPEED, command.argument[i], parameters.speed[i])
         return Reason.ACCEPTED
-    if memory.proposal.reason != Reason.ACCEPTED:
-        return refuse(record, memory.proposal.reason, memory.proposal.reason_value, memory.proposal.reason_bound)
+    return _judge_proposal(memory, record)
+
+
+@kernel
+def _judge_proposal(memory, record):
+    """What the planner said about the motion."""
+    proposal = memory.proposal
+    if proposal.reason != Reason.ACCEPTED:
+        return refuse(record, proposal.reason, proposal.reason_value, proposal.reason_bound)
     return Reason.ACCEPTED
 
 

@@ -161,8 +161,8 @@ def step(state, active, verb, retracting):
     """One step of the machine: (operating state, active condition bits, verb) -> (state, verdict).
 
     `retracting` tells that a retraction is under way. Conditions come before the verb: a fault in the tick of an
-    enable leaves FAULT, and a pausing condition refuses what it would pause at once. The verdict is a Reason,
-    0 without a verb, and ACCEPTED also for verbs that do not change the state.
+    enable leaves FAULT, and a pausing condition refuses what it would pause at once, so that nothing ever begins to
+    move in PAUSED. The verdict is a Reason, 0 without a verb, and ACCEPTED also for verbs that do not change the state.
     """
     if verb == Verb.NONE:
         verdict = 0
@@ -195,5 +195,7 @@ def step(state, active, verb, retracting):
                 return Operating.PAUSED, Reason.STILL_PRESENT
             state = Operating.ENABLED
     if state == Operating.ENABLED and pausing:
+        if verdict == Reason.ACCEPTED and verb != Verb.ENABLE and not permits(Operating.PAUSED, verb):
+            verdict = Reason.STILL_PRESENT
         return Operating.PAUSED, verdict
     return state, verdict

@@ -4,34 +4,37 @@ What happens depends on the settings, the seed and the commands alone, never on 
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from hal.backend import Backend, CompiledDevice, load
 from hal.errors import BackendError
-from hal.kernel import kernel
+from hal.kernel import specialised
 from rtctl.commands import COMMAND, Verb
 from rtctl.controller import Controller
 from rtctl.exchange.control import ARMING_ALLOWED
+from rtctl.exchange.mailbox import forget
 from rtctl.settings import Settings
 from rtctl.tick import tick as run_tick
 
 
-@kernel
 def run(first_tick, records, truths, truth, memory, sensors, actuators, device, read, write, period_ns, health):
-    """Run len(records) ticks without the interpreter; `read` and `write` are the kernels of the device."""
+    """Run len(records) ticks without the interpreter; `read` and `write` are the kernels of the device.
+
+    A kernel once :class:`Lockstep` has compiled it for its device; arguments are arrays, the single ones of shape (1,).
+    """
     for k in range(records.shape[0]):
         tick = first_tick + k
         record = records[k]
         record.tick = tick
         record.time_ns = tick * period_ns
         record.gateway_health = health
-        read(device, tick, sensors)
-        run_tick(memory, sensors, actuators, record)
-        write(device, tick, actuators)
-        memory.command.verb = 0
-        memory.command.sequence = 0
-        truths[k] = truth
+        read(device[0], tick, sensors[0])
+        run_tick(memory[0], sensors[0], actuators[0], record)
+        write(device[0], tick, actuators[0])
+        forget(memory[0].command)
+        truths[k] = truth[0]
         truths[k].time_ns = record.time_ns
         truths[k].tick = tick
 
@@ -70,32 +73,27 @@ class Lockstep:
         self.sequence = 0
         self.records = np.zeros(self.BLOCK, self.controller.table.dtype)
         self.truths = np.zeros(self.BLOCK, self.truth.dtype)
+        self.run = specialised(run, self._arguments(0))
         self.backend.open()
+
+    def _arguments(self, ticks: int) -> tuple[Any, ...]:
+        """Arguments of :func:`run` for the next ticks."""
+        c, d = self.controller, self.device
+        rows = self.records[:ticks], self.truths[:ticks]
+        frames = self.truth, c.memory, c.sensors, c.actuators
+        return self.tick, *rows, *frames, d.device, d.read, d.write, self.period_ns, ARMING_ALLOWED
 
     def advance(self, ticks: int) -> np.void:
         """Run `ticks` ticks and return the last record."""
-        c = self.controller
+        last = 0
         while ticks > 0:
             n = min(ticks, self.BLOCK)
-            records, truths = self.records[:n], self.truths[:n]
-            run(
-                self.tick,
-                records,
-                truths,
-                self.truth[0],
-                c.memory[0],
-                c.sensors[0],
-                c.actuators[0],
-                self.device.device[0],
-                self.device.read,
-                self.device.write,
-                self.period_ns,
-                ARMING_ALLOWED,
-            )
+            self.run(*self._arguments(n))
             self.tick += n
             ticks -= n
-            self.sink(records, truths)
-        return records[-1].copy()
+            last = n - 1
+            self.sink(self.records[:n], self.truths[:n])
+        return self.records[last].copy()
 
     def command(self, verb: Verb, *arguments: float) -> np.void:
         """Give the controller one command in the next tick, and return the record of that tick."""

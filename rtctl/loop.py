@@ -1,19 +1,25 @@
 """Runs ticks on the grid clock between a backend and shared memory. Counts and records, never prints."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from hal.backend import Backend
-from hal.kernel import kernel
+from hal.kernel import kernel, specialised
 from rtctl import clock as clocks
 from rtctl.commands import COMMAND, Verb
 from rtctl.controller import Controller
 from rtctl.exchange.atomics import load_acquire, store_release
 from rtctl.exchange.control import ARMING_ALLOWED, Word
-from rtctl.exchange.mailbox import fetch
-from rtctl.exchange.poll import new_poller, poll
+from rtctl.exchange.mailbox import fetch, forget, is_empty
+from rtctl.exchange.poll import listen, new_poller, poll
 from rtctl.exchange.ring import commit
 from rtctl.exchange.segment import Segment
+from rtctl.tick import tick as run_tick
 
+CRUISE_TICKS = 100
+"""Ticks without the interpreter at most, so that it can deal with signals."""
 STOP_LIMIT_TICKS = 3000
 """A motion that has not come to rest this long after a request to end is cut off."""
 
@@ -38,14 +44,26 @@ class Loop:
         truth = backend.truth()
         self.truth = truth[1] if truth is not None else None
         self.ending_since = -1
+        self.cruise: Callable[..., int] | None = None
+        self.cruise_arguments: tuple[Any, ...] = ()
+        device = backend.compiled()
+        if device is not None and self.truth is not None:
+            memory = controller.memory, controller.sensors, controller.actuators, controller.record, self.poller
+            exchange = segment.control, segment.mailbox, segment.records, segment.truths, self.truth
+            hal = device.device, device.read, device.write
+            self.cruise_arguments = *memory, *exchange, *hal, self.heartbeat_ticks, self.permission
+            self.cruise = specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments))
 
     def run(self, clock: np.ndarray, ticks: int | None = None) -> None:
         """Run until somebody asks for a stop (control word STOP_REQUEST), or for `ticks` ticks; end without power."""
-        while ticks is None or ticks > 0:
+        last = None if ticks is None else int(clock["tick"][0]) + ticks
+        while last is None or clock["tick"][0] < last:
+            if self.cruise is not None:
+                ticks = CRUISE_TICKS if last is None else min(CRUISE_TICKS, last - int(clock["tick"][0]))
+                if self.cruise(clock, ticks, *self.cruise_arguments) == 0:
+                    continue
             if self.cycle(clock):
                 return
-            if ticks is not None:
-                ticks -= 1
         self.ending_since = int(clock["tick"][0])
         while not self.cycle(clock):
             pass
@@ -95,6 +113,43 @@ class Loop:
         row["verb"], row["deadline_tick"] = verb, tick
         self.controller.order(row[0])
         return int(verb)
+
+
+def cruise(
+    clock,
+    ticks,
+    memory,
+    sensors,
+    actuators,
+    record,
+    poller,
+    control,
+    mailbox,
+    records,
+    truths,
+    truth,
+    device,
+    read,
+    write,
+    heartbeat_ticks,
+    permission,
+):
+    """Up to `ticks` ticks without the interpreter, as long as nobody wants anything; see :meth:`Loop.cycle`.
+
+    Returns how many ticks are left: 0, unless somebody wants something. A command that comes while a tick is awaited stays in the mailbox for the next one. A kernel once
+    :class:`Loop` has compiled it for a device of kernels.
+    """
+    while ticks > 0 and is_empty(mailbox) and not must_end(control):
+        clocks.wait(clock[0], record[0])
+        record[0].gateway_health = listen(control, poller[0], heartbeat_ticks) | permission
+        forget(memory[0].command)
+        read(device[0], record[0].tick, sensors[0])
+        run_tick(memory[0], sensors[0], actuators[0], record[0])
+        write(device[0], record[0].tick, actuators[0])
+        finish(clock, record, records, control)
+        publish_truth(record, truth, truths)
+        ticks -= 1
+    return ticks
 
 
 @kernel

@@ -62,7 +62,7 @@ class Machine:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
         except OSError as error:
-            return Check("SCHED_FIFO", error.strerror, False, remedy)
+            return Check("SCHED_FIFO", str(error.strerror), False, remedy)
         good = os.sched_getscheduler(0) == os.SCHED_FIFO
         return Check("SCHED_FIFO", f"priority {os.sched_getparam(0).sched_priority}", good, remedy)
 
@@ -81,7 +81,7 @@ class Machine:
             self._dma_latency = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
             os.write(self._dma_latency, struct.pack("i", 0))
         except OSError as error:
-            return Check("cpu_dma_latency", error.strerror, False, "run as root, or allow writing /dev/cpu_dma_latency")
+            return Check("cpu_dma_latency", str(error.strerror), False, "run as root, or allow writing /dev/cpu_dma_latency")
         return Check("cpu_dma_latency", "held at 0 us", True, "")
 
     def _kernel(self) -> Check:

@@ -126,6 +126,7 @@ def state_dtype(dof: int) -> np.dtype:
             ("setpoint", "f8", (axes,)),
             ("setpoint_rate", "f8", (axes,)),
             ("setpoint_acceleration", "f8", (axes,)),
+            ("path_offset", "f8", (dof,)),
             ("pose_goal", "f8", (dof,)),
             ("pose_entry", "f8", (dof,)),
             ("depth_goal_mm", "f8"),

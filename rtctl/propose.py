@@ -14,8 +14,10 @@ from hal.kernel import kernel
 from rtctl import profile as profiles
 from rtctl.commands import Reason, Verb
 from rtctl.lifecycle import Motion
-from rtctl.robots.interface import OUTSIDE_BOX, REACHABLE, SINGULAR, STROKE_LIMIT, reach
+from rtctl.robots.interface import OUTSIDE_BOX, REACHABLE, SINGULAR, STROKE_LIMIT, inverse, reach
 
+STANDING = 1e-6
+"""A coordinate [mm or rad] that changes by less does not bend a straight line."""
 WAY_POINTS = 64
 """Poses of a straight way that are checked against the workspace."""
 
@@ -33,6 +35,7 @@ class Proposer:
         self.dof = dof
         self.pose_planner, self.pose_input, self.pose_trajectory = Ruckig(dof), InputParameter(dof), Trajectory(dof)
         self.pose_input.synchronization = Synchronization.Phase
+        self.finding = np.empty(2)
         self.depth_planner, self.depth_input, self.depth_trajectory = Ruckig(1), InputParameter(1), Trajectory(1)
 
     def propose(self, memory: np.ndarray, tick: int) -> None:
@@ -57,37 +60,33 @@ class Proposer:
         m, robot = memory[0], memory["robot"]
         state, parameters, proposal = m["state"], m["parameters"], m["proposal"]
         if not state["homed"]:
-            return  # refused before anybody looks at the profile
-        start = state["setpoint"][: self.dof]
-        where = first_unreachable(robot, start.copy(), goal.copy(), WAY_POINTS if whole_way else 1)
-        if where <= 1.0:
-            at = start + where * (goal - start)
-            return self._refuse_pose(m["proposal"], robot, at)
+            return None  # refused before anybody looks at the profile
+        start = state["reference" if state["on_path"] else "setpoint"][: self.dof]
+        finding = self.finding
+        answer = first_unreachable(robot, start.copy(), goal.copy(), WAY_POINTS if whole_way else 1, finding)
+        if answer != REACHABLE:
+            return _refuse(proposal, REASON_OF_REACH[answer], finding[0], finding[1])
         i = self.pose_input
         i.current_position, i.target_position = start, goal
         i.current_velocity = state["setpoint_rate"][: self.dof]
         i.current_acceleration = state["setpoint_acceleration"][: self.dof]
+        resting = not (state["setpoint_rate"][: self.dof].any() or state["setpoint_acceleration"][: self.dof].any())
         for name, limit in (("max_velocity", "speed"), ("max_acceleration", "acceleration"), ("max_jerk", "jerk")):
-            setattr(i, name, parameters[limit][: self.dof])
+            bounds = parameters[limit][: self.dof]
+            setattr(i, name, _along(goal - start, bounds) if whole_way and resting else bounds)
         result = self.pose_planner.calculate(i, self.pose_trajectory)
         _adopt(proposal, 0, self.pose_trajectory, result)
         return None
-
-    def _refuse_pose(self, proposal: np.void, robot: np.ndarray, at: np.ndarray) -> None:
-        proposal["valid"], proposal["reason"] = 0, REASON_OF_REACH[int(reach_at(robot, at))]
-        low, high = robot["box_low"][0], robot["box_high"][0]
-        outside = np.flatnonzero(~((low <= at) & (at <= high)))
-        if outside.size:
-            proposal["reason_value"], proposal["reason_bound"] = at[outside[0]], outside[0]
 
     def _propose_depth(self, m: np.void, verb: int) -> None:
         state, parameters, proposal = m["state"], m["parameters"], m["proposal"]
         goal, speed = m["command"]["argument"][:2]
         if verb == Verb.RESUME:
-            verb = {Motion.INSERT: Verb.INSERT, Motion.RETRACT: Verb.RETRACT}.get(int(state["paused_motion"]), 0)
+            paused = int(state["paused_motion"])
+            if paused not in (Motion.INSERT, Motion.RETRACT):
+                return None
+            verb = Verb.INSERT if paused == Motion.INSERT else Verb.RETRACT
             goal, speed = state["depth_goal_mm"], state["depth_speed_mm_per_s"]
-            if verb == 0:
-                return
         depth, fastest = state["setpoint"][self.dof], parameters["speed"][self.dof]
         end = m["plan"]["depth_mm"][m["plan"]["intervals"]]
         forward = verb == Verb.INSERT
@@ -109,6 +108,19 @@ PLANNED = frozenset({Verb.MOVE_CP, Verb.SERVO_CP, Verb.APPROACH, Verb.INSERT, Ve
 
 
 PIECE = ("start_s", "position", "velocity", "acceleration", "jerk")
+
+
+def _along(way: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """Limits (dof,) in proportion to the way, none above `limits`: with them ruckig stays on the straight line.
+
+    With any others it gives the line up where the slowest coordinate's profile is too fast for another coordinate.
+    """
+    size = np.abs(way)
+    moving = size > STANDING
+    scaled = limits.copy()
+    if moving.any():
+        scaled[moving] = size[moving] * (limits[moving] / size[moving]).min()
+    return scaled
 
 
 def _refuse(proposal: np.void, reason: Reason, value: float, bound: float) -> None:
@@ -136,26 +148,39 @@ def _adopt(proposal: np.void, first_channel: int, trajectory: Trajectory, result
 
 
 @kernel
-def first_unreachable(robots, start, goal, points):
-    """Share 0 .. 1 of the straight way at which the robot can first not follow; 2 if it can follow to the end.
+def first_unreachable(robots, start, goal, points, finding):
+    """Answer of `reach` for the first pose of the straight way the robot cannot take, REACHABLE if there is none.
 
-    The start is not judged: from wherever the robot is, it may go back to where it is allowed to be.
+    Into `finding` (2,): value and number of the coordinate or joint that leaves its limits; the share of the way up to
+    a singular pose. A way that begins outside may lead back in: wherever the robot is, it can return.
     """
-    robot = robots[0]
-    at = start.copy()
+    robot, dof = robots[0], start.shape[0]
+    at, joint, motor = start.copy(), np.empty(dof), np.empty(dof)
+    inside = reach(robot, start) == REACHABLE
     for k in range(1, points + 1):
         share = k / points
-        for i in range(start.shape[0]):
+        for i in range(dof):
             at[i] = start[i] + share * (goal[i] - start[i])
-        if reach(robot, at) != REACHABLE:
-            return share
-    return 2.0
+        answer = reach(robot, at)
+        inside = inside or answer == REACHABLE
+        if answer == REACHABLE or (not inside and k < points):
+            continue
+        if answer == OUTSIDE_BOX:
+            _note_first(at, robot.box_low, robot.box_high, finding)
+        elif answer == STROKE_LIMIT:
+            inverse(robot, at, joint, motor)
+            _note_first(joint, robot.joint_low, robot.joint_high, finding)
+        elif answer == SINGULAR:
+            finding[0], finding[1] = share, math.nan
+        return answer
+    return REACHABLE
 
 
 @kernel
-def reach_at(robots, pose):
-    """:func:`rtctl.robots.interface.reach` for Python callers, who pass arrays (1,)."""
-    return reach(robots[0], pose)
+def _note_first(values, low, high, finding):
+    for i in range(values.shape[0] - 1, -1, -1):
+        if not low[i] <= values[i] <= high[i]:
+            finding[0], finding[1] = values[i], float(i)
 
 
 @kernel

@@ -10,10 +10,28 @@ CDR_HEADER = b"\x00\x01\x00\x00"
 """Encapsulation: plain CDR, little endian."""
 
 INPUTS = frozenset(
-    "tick axis_angle_rad wrench_in_sensor axes_sequence wrench_sequence axes_age_ticks wrench_age_ticks"
-    " axes_validity wrench_validity powered watchdog_tripped amplifier_fault"
-    " command_sequence command_argument command_deadline_tick command_source command_verb"
-    " missed_ticks gateway_health time_ns".split()
+    [
+        "tick",
+        "axis_angle_rad",
+        "wrench_in_sensor",
+        "axes_sequence",
+        "wrench_sequence",
+        "axes_age_ticks",
+        "wrench_age_ticks",
+        "axes_validity",
+        "wrench_validity",
+        "powered",
+        "watchdog_tripped",
+        "amplifier_fault",
+        "command_sequence",
+        "command_argument",
+        "command_deadline_tick",
+        "command_source",
+        "command_verb",
+        "missed_ticks",
+        "gateway_health",
+        "time_ns",
+    ]
 )
 """What a replay feeds; everything else must come out again, except TIMING."""
 

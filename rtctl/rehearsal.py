@@ -25,6 +25,7 @@ def rehearse(settings: Settings, backend: Backend) -> None:
     segment = Segment.create(layout(controller, backend))
     clock = clocks.grid(settings.loop.period_s)
     loop = Loop(controller, Understudy(backend), segment, heartbeat_ticks=1, may_arm=True)
+    Loop(controller, backend, segment, heartbeat_ticks=1, may_arm=True)  # makes its kernel for this device
     state = controller.memory["state"][0]
     row = np.zeros(1, COMMAND)
     row["deadline_tick"] = FAR

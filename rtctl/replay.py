@@ -12,12 +12,15 @@ import numpy as np
 
 from hal.errors import RtctlError
 from hal.kernel import kernel, kernel_hash
-from rtctl.commands import Verb
+from rtctl.commands import Reason, Verb
 from rtctl.controller import Controller
 from rtctl.log.hashing import Difference, check_hashes, first_difference
 from rtctl.log.reader import Log, open_many
 from rtctl.settings import from_table
 from rtctl.tick import tick as run_tick
+
+STAGED = {int(Verb.LOAD_PLAN): "staged_plan", int(Verb.SET_PARAMETERS): "staged_parameters"}
+"""Where the data of a command wait for the tick."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ def run(paths: Iterable[str | Path]) -> Replay:
         raise RtctlError("the log has other signals than this version of rtctl", remedy="replay it with the revision in its header")  # fmt: skip
     staged = {"staged_plan": _payloads(log.plans), "staged_parameters": _payloads(log.parameters)}
     replayed = np.zeros_like(rows)
-    ordered = np.flatnonzero(rows["command_verb"])
+    ordered = np.flatnonzero(rows["command_verb"]).tolist()
     begin = 0
     for at in ordered:
         if at > begin:
@@ -111,13 +114,15 @@ def _prepare(controller: Controller, row: np.void, staged: dict[str, dict[int, b
     memory = controller.memory
     memory["command"]["verb"] = row["command_verb"]
     memory["command"]["argument"] = row["command_argument"]
-    name = {Verb.LOAD_PLAN: "staged_plan", Verb.SET_PARAMETERS: "staged_parameters"}.get(int(row["command_verb"]))
+    name = STAGED.get(int(row["command_verb"]))
     if name is None:
         controller.propose(int(row["tick"]))
         return
-    number = int(row["command_argument"][0])
+    number = int(row["command_argument"][0]) if np.isfinite(row["command_argument"][0]) else -1
     raw = staged[name].get(number)
-    if raw is not None:
-        memory[name] = np.frombuffer(raw, memory[name].dtype)
-    elif row["command_verdict"] == 1:
+    if raw is None and row["command_verdict"] == Reason.ACCEPTED:
         raise RtctlError(f"the log lacks the {name.removeprefix('staged_')} that was used", value=number)
+    if raw is None or row["command_verdict"] == Reason.STALE_SLOT:  # the loop did not get hold of it
+        memory[name]["number"] = -1
+    else:
+        memory[name] = np.frombuffer(raw, memory[name].dtype)

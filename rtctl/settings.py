@@ -10,6 +10,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
@@ -300,6 +301,8 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Settings:
     file = find(path)
     try:
         table = tomllib.loads(file.read_text())
+    except OSError as error:
+        raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
     for assignment in overrides:
@@ -377,6 +380,17 @@ def _check(s: Settings) -> None:
         raise OptionError("workflow.speed_mm_per_s is faster than allowed", value=s.workflow.speed_mm_per_s, bound=f"at most trajectory.depth_speed_mm_per_s = {s.trajectory.depth_speed_mm_per_s}")  # fmt: skip
     if not s.robot.name.replace("-", "").replace("_", "").isalnum():
         raise OptionError("robot.name must be one word", value=s.robot.name, bound="letters, digits, - and _")
-    loopback = any(h in s.gateway.endpoint for h in ("/127.", "/localhost:", "/[::1]"))
-    if not loopback and not (s.gateway.endpoint.startswith("tls/") or (s.gateway.user and s.gateway.password)):
-        raise OptionError("gateway.endpoint is reachable from outside", value=s.gateway.endpoint, bound="loopback, or TLS, or user and password", remedy="use tcp/127.0.0.1:PORT, or set gateway.user and gateway.password")  # fmt: skip
+    if not _is_loopback(s.gateway.endpoint) and not (s.gateway.user and s.gateway.password):
+        raise OptionError("gateway.endpoint is reachable from outside", value=s.gateway.endpoint, bound="loopback, or user and password", remedy="use tcp/127.0.0.1:PORT, or set gateway.user and gateway.password")  # fmt: skip
+
+
+def _is_loopback(endpoint: str) -> bool:
+    """True if nobody outside this machine can reach a Zenoh locator such as tcp/127.0.0.1:7447."""
+    address = endpoint.partition("/")[2]
+    if any(mark in address for mark in "?#;,"):  # options of a locator may name other interfaces
+        return False
+    host = address.rpartition(":")[0].strip("[]")
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

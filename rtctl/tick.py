@@ -13,7 +13,7 @@ from rtctl import conditions, hlc, llc, trajectory, wrench
 from rtctl.commands import Reason, Verb
 from rtctl.homing import home
 from rtctl.judge import judge
-from rtctl.lifecycle import FAULT_MASK, STOP_MASK, Motion, Operating, step
+from rtctl.lifecycle import FAULT_MASK, PAUSE_MASK, STOP_MASK, Motion, Operating, step
 from rtctl.robots.interface import forward, inverse, rotation
 
 
@@ -75,6 +75,7 @@ def begin(memory, sensors, record):
     record.command_deadline_tick = command.deadline_tick
     for i in range(8):
         record.command_argument[i] = command.argument[i]
+    record.stylet_desired_mm = state.stylet_reference_mm
     record.reason_value = math.nan
     record.reason_bound = math.nan
     record.condition_active = 0
@@ -137,20 +138,23 @@ def decide(memory, sensors, record):
     state.operating, judged = step(before, record.condition_active, verb, retracting)
     if verb != Verb.NONE:
         verdict = judged
-    transit(memory, before, record)
+    transit(memory, before, record, state.tick - 1)
     if verb != Verb.NONE and verdict == Reason.ACCEPTED:
         if verb == Verb.ACKNOWLEDGE:
             state.latched = record.condition_active
             state.fault_cause = -1
         hlc.obey(memory, record)
     if record.condition_active & STOP_MASK:
-        hlc.brake(memory, first_bit(record.condition_active & STOP_MASK))
+        hlc.brake(memory, first_bit(record.condition_active & STOP_MASK), state.tick - 1)
     record.command_verdict = verdict
 
 
 @kernel
-def transit(memory, before, record):
-    """What a change of the operating state does by itself: every one clears what was pending."""
+def transit(memory, before, record, setpoint_tick):
+    """What a change of the operating state does by itself: every one clears what was pending.
+
+    setpoint_tick: the tick the present setpoint belongs to.
+    """
     state = memory.state
     after = state.operating
     if after == before:
@@ -159,7 +163,7 @@ def transit(memory, before, record):
         state.fault_cause = first_bit(record.condition_active & FAULT_MASK)
     if after == Operating.PAUSED:
         interrupted = state.motion
-        hlc.brake(memory, first_bit(record.condition_active))
+        hlc.brake(memory, first_bit(record.condition_active & PAUSE_MASK), setpoint_tick)
         on_path = interrupted == Motion.INSERT or interrupted == Motion.RETRACT
         state.paused_motion = interrupted if on_path else Motion.HOLD + 0
     if after == Operating.FAULT or after == Operating.DISABLED or before == Operating.DISABLED:
@@ -221,9 +225,9 @@ def protect(memory, record):
     state = memory.state
     before = state.operating
     state.operating, _ = step(before, record.condition_active, Verb.NONE + 0, state.motion == Motion.RETRACT)
-    transit(memory, before, record)
+    transit(memory, before, record, state.tick)
     if record.condition_active & STOP_MASK:
-        hlc.brake(memory, first_bit(record.condition_active & STOP_MASK))
+        hlc.brake(memory, first_bit(record.condition_active & STOP_MASK), state.tick)
     state.active = record.condition_active
 
 

@@ -50,7 +50,10 @@ def follow_stylet(memory, record):
 
 @kernel
 def refer(memory, record):
-    """Reference pose of this tick from setpoint and correction, and its joints; keeps the last one if it must."""
+    """Reference pose of this tick from setpoint and correction; keeps the last one rather than leave the workspace.
+
+    A robot that is outside already (measured there when it was enabled, or its limits were changed) may come back in.
+    """
     parameters, state = memory.parameters, memory.state
     dof = state.pose.shape[0]
     candidate = state.scratch[0][:dof]
@@ -59,7 +62,8 @@ def refer(memory, record):
     if state.on_path:
         translate(memory.robot, candidate, state.lateral_offset_mm)
     _limit_step(parameters, state, record, candidate)
-    if reach(memory.robot, candidate) != REACHABLE:
+    outside = reach(memory.robot, state.reference) != REACHABLE
+    if not outside and reach(memory.robot, candidate) != REACHABLE:
         raise_condition(state, record, Condition.WORKSPACE, candidate[0], math.nan)
         return
     for i in range(dof):

@@ -7,7 +7,8 @@ import sys
 from hal.backend import load
 from hal.errors import RtctlError
 from hal.kernel import cache_directory, compiled_here
-from rtctl.handover import read_settings, write_settings
+from rtctl.controller import Controller
+from rtctl.handover import layout, read_settings, write_settings
 from rtctl.rehearsal import rehearse
 from rtctl.settings import Settings
 
@@ -30,6 +31,7 @@ def warm_up(settings: Settings) -> list[str]:
     rehearse(settings, backend)
     if backend.simulated:
         _exercise_device(backend, settings)
+    _exercise_gateway(backend, settings)
     try:
         cache_directory().mkdir(parents=True, exist_ok=True)
         (cache_directory() / f"{settings.robot.kind}-{choice.name}.{DONE}").touch()
@@ -64,6 +66,14 @@ def _exercise_device(backend, settings: Settings) -> None:
     lockstep.advance(2)
     backend.read(0, lockstep.controller.sensors)
     backend.write(0, lockstep.controller.actuators)
+
+
+def _exercise_gateway(backend, settings: Settings) -> None:
+    """A gateway that compiles when it starts takes longer than the ring of records lasts."""
+    from rtctl.gateway.setup import exercise  # only here: it brings the science libraries along
+
+    controller = Controller(settings)
+    exercise(settings, controller.robot, layout(controller, backend))
 
 
 if __name__ == "__main__":

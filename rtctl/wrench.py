@@ -28,11 +28,10 @@ def into_base(rotation, x, y, z, result, at):
 
 
 @kernel
-def low_pass(parameters, state, sensors):
-    """One step of the second-order Butterworth filter on all six components (transposed direct form II).
+def is_usable(parameters, state, sensors):
+    """True for a sample the filter may take: never NaN, which it would remember for ever.
 
-    The first valid sample sets the filter to rest at that value; an invalid one leaves it as it is, so that the
-    filter never mixes NaN into what follows.
+    The first one sets the filter to rest at its value.
     """
     if sensors.wrench_validity != VALID:
         return False
@@ -52,11 +51,11 @@ def low_pass(parameters, state, sensors):
 def compensate(parameters, state, sensors, record):
     """Filter, subtract bias and gravity at the present orientation, and turn to {B} (III.58).
 
+    The filter is a second-order Butterworth low-pass on all six components, in transposed direct form II.
     Gravity is a force f_g fixed in {B} acting at the centre of mass r fixed in {F}: F f_g and r x F f_g (05 section 1).
     Writes record.wrench_in_base (6,), NaN while the sensor is invalid or was never unbiased.
     """
-    valid = low_pass(parameters, state, sensors)
-    if not valid:
+    if not is_usable(parameters, state, sensors):
         for i in range(6):
             record.wrench_in_base[i] = math.nan
         state.unbias_left = 0

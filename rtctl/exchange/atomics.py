@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
@@ -84,7 +85,7 @@ def words_of(_typing: Any, record: Any) -> Any:
 
 
 def _is_word_array(words: Any, index: Any) -> bool:
-    dimensions = len(index) if isinstance(index, types.UniTuple | types.Tuple) else 1
+    dimensions = len(index) if isinstance(index, types.BaseTuple) else 1
     return isinstance(words, types.Array) and words.dtype == types.int64 and words.ndim == dimensions
 
 
@@ -92,7 +93,7 @@ def _pointer(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     array_type, index_type = signature.args[:2]
     array = make_array(array_type)(context, builder, arguments[0])
     values, kinds = [arguments[1]], [index_type]
-    if isinstance(index_type, types.UniTuple | types.Tuple):
+    if isinstance(index_type, types.BaseTuple):
         values, kinds = cgutils.unpack_tuple(builder, arguments[1]), list(index_type)
     indices = [context.cast(builder, v, k, types.intp) for v, k in zip(values, kinds, strict=True)]
     return cgutils.get_item_pointer(context, builder, array_type, array, indices)

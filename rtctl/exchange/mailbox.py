@@ -41,14 +41,27 @@ def post(mailbox, command):
 
 
 @kernel
+def is_empty(mailbox):
+    """No command waits."""
+    return load_acquire(mailbox, (0, TAKEN)) == load_acquire(mailbox, (0, POSTED))
+
+
+@kernel
+def forget(command):
+    """Clear a COMMAND record: a command is for one tick."""
+    words = words_of(command)
+    for i in range(words.shape[0]):
+        words[i] = 0
+
+
+@kernel
 def take(mailbox, command):
     """Move the oldest command into a COMMAND record and return 1; return 0 and clear the record when there is none."""
     taken = load_acquire(mailbox, (0, TAKEN))
-    words = words_of(command)
     if taken == load_acquire(mailbox, (0, POSTED)):
-        for i in range(words.shape[0]):
-            words[i] = 0
+        forget(command)
         return 0
+    words = words_of(command)
     row = mailbox[1 + taken % (mailbox.shape[0] - 1)]
     for i in range(row.shape[0]):
         words[i] = row[i]

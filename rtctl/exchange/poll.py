@@ -31,11 +31,20 @@ def new_poller(control: np.ndarray) -> np.ndarray:
 def poll(control, mailbox, poller, command, heartbeat_limit_ticks):
     """Once per tick: take at most one command, and return the health bits of the gateway.
 
-    `command` (a COMMAND record) is cleared when there is none. The gateway is alive while its heartbeat
+    `command` (a COMMAND record) is cleared when there is none.
+    """
+    take(mailbox, command)
+    return listen(control, poller, heartbeat_limit_ticks)
+
+
+@kernel
+def listen(control, poller, heartbeat_limit_ticks):
+    """Health bits of the gateway; once per tick, because its silence is counted in ticks.
+
+    The gateway is alive while its heartbeat
     changed in this tick or one of the `heartbeat_limit_ticks` - 1 before it; what it says of the log and the
     operator is passed on as it is, also when it is dead.
     """
-    take(mailbox, command)
     heartbeat = load_acquire(control, Word.GATEWAY_HEARTBEAT)
     if heartbeat != poller.heartbeat:
         poller.heartbeat = heartbeat

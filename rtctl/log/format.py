@@ -35,7 +35,7 @@ NUMPY_TYPES = {ros: code for code, ros in ROS_TYPES.items()}
 class LogError(RtctlError):
     """A log cannot be written or read."""
 
-    exit_code = 4
+    exit_code = 6
 
 
 def encode_json(payload: Any) -> bytes:

@@ -1,0 +1,124 @@
+"""What happened, read off consecutive records: the operator's diary, on the wire and in the log."""
+
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from rtctl.commands import Reason, Verb, explain
+from rtctl.lifecycle import TABLE, Condition, Operating, Reaction, Task
+
+STREAMED = (Verb.SERVO_CP, Verb.SERVO_CV)
+"""Verbs that come a hundred times a second: only their refusals are news."""
+
+
+class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One line of the diary."""
+
+    time_ns: int
+    tick: int
+    kind: str
+    """state, task, condition, command, records, log, lease, parameters, plan or process"""
+    severity: str = "info"
+    """info, warning or error"""
+    text: str
+    remedy: str = ""
+    value: float | None = None
+    bound: float | None = None
+
+
+class Watcher:
+    """Compares every record with the one before it.
+
+    `causes` keeps the text of every condition since it arose, with the numbers it arose with.
+    """
+
+    def __init__(self) -> None:
+        self.causes: dict[Condition, tuple[str, str]] = {}
+        self._last: Any = None
+
+    def watch(self, rows: np.ndarray) -> list[Event]:
+        """Events of the controller records `rows` (n,), in order."""
+        return [event for row in rows[self._interesting(rows)] for event in self._compare(row)]
+
+    def _interesting(self, rows: np.ndarray) -> np.ndarray:
+        """Which rows differ from their predecessor in anything that makes an event."""
+        news = rows["command_sequence"] != 0
+        for name in ("operating_state", "task_state", "condition_active"):
+            values = rows[name]
+            news[1:] |= values[1:] != values[:-1]
+            if len(rows):
+                news[0] |= self._last is None or values[0] != self._last[name]
+        return news
+
+    def _compare(self, row: Any) -> list[Event]:
+        last, self._last = self._last, row.copy()
+        events = [*self._conditions(row, int(last["condition_active"]) if last is not None else 0)]
+        if row["command_sequence"] != 0:
+            events += self._command(row)
+        for kind, name, words in (("state", "operating_state", Operating), ("task", "task_state", Task)):
+            if last is None or row[name] != last[name]:
+                now = words(int(row[name])).name.lower()
+                before = "" if last is None else f" (was {words(int(last[name])).name.lower()})"
+                severity = "error" if kind == "state" and row[name] == Operating.FAULT else "info"
+                events.append(self._event(row, kind, f"{kind} is {now}{before}", severity=severity))
+        return events
+
+    def _conditions(self, row: Any, before: int) -> list[Event]:
+        events = []
+        active = int(row["condition_active"])
+        for condition, entry in TABLE.items():
+            bit = 1 << condition
+            if active & bit and not before & bit:
+                reported = row["condition_reported"] == condition
+                value, bound = (float(row[f"condition_{n}"]) if reported else np.nan for n in ("value", "bound"))
+                text = say(condition, value, bound)
+                self.causes[condition] = text, entry.remedy
+                severity = "info" if entry.reaction is Reaction.NOTE else "error"
+                if entry.reaction is Reaction.STOP:
+                    severity = "warning"
+                events.append(
+                    self._event(row, "condition", text, entry.remedy, severity, _number(value), _number(bound))
+                )
+            elif before & bit and not active & bit:
+                events.append(self._event(row, "condition", f"over: {_label(condition)}"))
+        return events
+
+    def _command(self, row: Any) -> list[Event]:
+        verb, verdict = int(row["command_verb"]), int(row["command_verdict"])
+        name = Verb(verb).name.lower() if verb in Verb._value2member_map_ else f"command number {verb}"
+        if verdict in (Reason.NONE, Reason.ACCEPTED):
+            return [] if verb in STREAMED else [self._event(row, "command", f"{name} accepted")]
+        value, bound = float(row["reason_value"]), float(row["reason_bound"])
+        text, remedy = explain(verdict, value, bound)
+        text = f"{name} refused: {text}"
+        return [self._event(row, "command", text, remedy, "warning", _number(value), _number(bound))]
+
+    def _event(
+        self,
+        row: Any,
+        kind: str,
+        text: str,
+        remedy: str = "",
+        severity: str = "info",
+        value: float | None = None,
+        bound: float | None = None,
+    ) -> Event:
+        return Event(
+            time_ns=int(row["time_ns"]), tick=int(row["tick"]), kind=kind, severity=severity, text=text, remedy=remedy,
+            value=value, bound=bound,
+        )  # fmt: skip
+
+
+def say(condition: Condition, value: float = np.nan, bound: float = np.nan) -> str:
+    """Text of a condition with its numbers, its bare name where they are needed but not known."""
+    text = TABLE[condition].text
+    return text.format(value=value, bound=bound) if np.isfinite(value) or "{" not in text else _label(condition)
+
+
+def _label(condition: Condition) -> str:
+    return condition.name.lower().replace("_", " ")
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
