@@ -57,13 +57,14 @@ def watch_inputs(parameters, state, sensors, record):
 @kernel
 def _watch_force(parameters, state, sensors, record):
     """A loaded array must not be moved blindly, nor against more than the limit."""
+    f = record.wrench_in_base
     known = sensors.wrench_validity == VALID and sensors.wrench_age_ticks <= parameters.wrench_age_ticks
-    if state.task == Task.INSERTING and (not known or not state.unbiased):
+    known = known and math.isfinite(f[0])  # not so before unbiasing, and when a device calls valid what is no number
+    if state.task == Task.INSERTING and not known:
         raise_condition(
             state, record, Condition.WRENCH_LOST, float(sensors.wrench_age_ticks), float(parameters.wrench_age_ticks)
         )
-    if known and state.unbiased:
-        f = record.wrench_in_base
+    if known:
         force = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
         if force > parameters.force_limit_n:
             raise_condition(state, record, Condition.FORCE_LIMIT, force, parameters.force_limit_n)

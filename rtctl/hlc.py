@@ -241,6 +241,8 @@ def advance(memory, record):
     state, profile = memory.state, memory.profile
     dof = state.pose.shape[0]
     depth = state.setpoint[dof]
+    if state.motion == Motion.SERVO_CV:
+        _look_ahead(memory, record)
     time = (state.tick - profile.start_tick) * memory.parameters.period_s
     for c in range(dof + 1):
         if profile.segments[c] > 0:
@@ -259,17 +261,14 @@ def advance(memory, record):
             state.setpoint_rate[i] = slope[i] * state.setpoint_rate[dof]
             state.setpoint_acceleration[i] = 0.0
         record.stylet_desired_mm = out[dof]
-    if state.motion == Motion.SERVO_CV:
-        _look_ahead(memory, record)
-    elif time >= profile.duration_s and state.motion != Motion.HOLD and state.motion != Motion.HOME:
+    ends = state.motion == Motion.MOVE or state.motion == Motion.INSERT or state.motion == Motion.RETRACT
+    if ends and time >= profile.duration_s:
         _arrive(state)
 
 
 @kernel
 def _arrive(state):
-    """A profile that ends at rest has ended: say what that means for the task."""
-    if state.motion == Motion.SERVO_CP:
-        return  # the stream decides when it is over
+    """A profile that ends at rest has ended (of streams the client decides when): say what that means for the task."""
     if state.motion == Motion.INSERT:
         state.task = Task.HOLDING
     elif state.motion == Motion.RETRACT:
@@ -281,19 +280,23 @@ def _arrive(state):
 
 @kernel
 def _look_ahead(memory, record):
-    """A velocity stream must be able to stop inside the workspace when its brake begins in the next tick.
+    """Brake a velocity stream now if it could not stop inside the workspace any more after this tick's step.
 
-    The way to rest is at most: this tick's v T, then what the present acceleration adds until it is gone,
-    v |a|/j + a^3/3j^2, then v'/2 (v'/A + A/j) from the velocity v' it leaves, A being the limit.
+    So the way to rest from where the setpoint is ends inside, always. It is at most v |a|/j + a^3/3j^2 until the
+    acceleration is gone, then v'/2 (v'/A + A/j) from the velocity v' that leaves, A being the limit.
     """
-    state, parameters = memory.state, memory.parameters
+    state, parameters, profile = memory.state, memory.parameters, memory.profile
     dof = state.pose.shape[0]
+    time = (state.tick - profile.start_tick) * parameters.period_s
     ahead = state.scratch[0][:dof]
+    worst = math.nan
     for i in range(dof):
         limit, j = parameters.acceleration[i], parameters.jerk[i]
-        v, a = state.setpoint_rate[i], state.setpoint_acceleration[i]
+        p, v, a = profiles.evaluate(profile, i, time)
         left = v + 0.5 * a * abs(a) / j
-        ahead[i] = state.setpoint[i] + v * parameters.period_s + v * abs(a) / j + a * a * a / (3.0 * j * j)
-        ahead[i] += 0.5 * left * (abs(left) / limit + limit / j)
+        ahead[i] = p + v * abs(a) / j + a * a * a / (3.0 * j * j) + 0.5 * left * (abs(left) / limit + limit / j)
+        if not memory.robot.box_low[i] <= ahead[i] <= memory.robot.box_high[i]:
+            worst = ahead[i]
     if reach(memory.robot, ahead) != REACHABLE:
-        raise_condition(state, record, Condition.WORKSPACE, ahead[0], math.nan)
+        raise_condition(state, record, Condition.WORKSPACE, worst, math.nan)
+        brake(memory, Condition.WORKSPACE, state.tick - 1)

@@ -21,6 +21,7 @@ def home(memory, record):
     for i in range(axes):
         angle = state.angle_rad[i] - state.home_offset_rad[i]
         lead = parameters.homing_limit_v / max(parameters.proportional[i], 1e-9)
+        lead = min(lead, 0.5 * parameters.following_error_rad)
         if angle - state.axis_reference[i] < lead:
             state.motor_reference[i] = state.axis_reference[i] - parameters.homing_step_rad
         else:

@@ -106,7 +106,7 @@ TABLE: dict[Condition, Row] = {
     Condition.FORCE_LIMIT: Row(Reaction.PAUSE, "force {value:.3g} N exceeds {bound:.3g} N", "look at the array, then resume or retract"),
     Condition.WRENCH_LOST: Row(Reaction.PAUSE, "no valid force for {value:.0f} ticks (limit {bound:.0f}) while an array is moved", "check the sensor, then resume or retract"),
     Condition.ADMITTANCE_SATURATED: Row(Reaction.PAUSE, "the lateral correction reached {value:.3g} mm (limit {bound:.3g}): near buckling, or a wrong registration", "retract and register again"),
-    Condition.WORKSPACE: Row(Reaction.STOP, "the way leaves the workspace (coordinate or joint value {value:.4g})", "move back inside"),
+    Condition.WORKSPACE: Row(Reaction.STOP, "the motion came to the edge of the workspace: of its box, of a piston's stroke, or a singular pose", "move back inside"),
     Condition.STREAM_SILENT: Row(Reaction.STOP, "no servo command for {value:.0f} ticks (limit {bound:.0f})", "send the stream again"),
     Condition.GATEWAY_LOST: Row(Reaction.PAUSE, "the gateway is silent", "it is restarted by itself; then resume"),
     Condition.LOG_FAILED: Row(Reaction.PAUSE, "the log cannot be written", "free space on the disk of the log, restart, and resume only if you can do without a record"),

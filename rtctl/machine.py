@@ -81,7 +81,9 @@ class Machine:
             self._dma_latency = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
             os.write(self._dma_latency, struct.pack("i", 0))
         except OSError as error:
-            return Check("cpu_dma_latency", str(error.strerror), False, "run as root, or allow writing /dev/cpu_dma_latency")
+            return Check(
+                "cpu_dma_latency", str(error.strerror), False, "run as root, or allow writing /dev/cpu_dma_latency"
+            )
         return Check("cpu_dma_latency", "held at 0 us", True, "")
 
     def _kernel(self) -> Check:

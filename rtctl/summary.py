@@ -154,7 +154,7 @@ FIGURES = (
     Figure("tick_us_p999", "µs", "the same, 99.9th percentile", lambda r: r.timing_us("tick_ns", 99.9)),
     Figure("lateness_us_p50", "µs", "wake-up after the grid point, median; null in lockstep", lambda r: r.timing_us("lateness_ns", 50)),
     Figure("lateness_us_p99", "µs", "the same, 99th percentile", lambda r: r.timing_us("lateness_ns", 99)),
-    Figure("real_time_factor", "", "lockstep: simulated time over wall time without planning, null from a log; else ticks run over grid points", Run.real_time_factor),
+    Figure("real_time_factor", "", "lockstep: simulated time over the wall time of the loop, null from a log; else ticks run over grid points", Run.real_time_factor),
     Figure("grade", "", "what the real-time process obtained: rt, best-effort or sim", lambda r: r.recording.header.get("grade")),
     Figure("config_hash", "", "of all settings", lambda r: r.recording.header.get("config_hash")),
     Figure("kernel_hash", "", "of the sources of all kernels", lambda r: r.recording.header.get("kernel_hash")),

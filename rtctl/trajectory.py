@@ -64,7 +64,11 @@ def refer(memory, record):
     _limit_step(parameters, state, record, candidate)
     outside = reach(memory.robot, state.reference) != REACHABLE
     if not outside and reach(memory.robot, candidate) != REACHABLE:
-        raise_condition(state, record, Condition.WORKSPACE, candidate[0], math.nan)
+        worst = math.nan
+        for i in range(dof):
+            if not memory.robot.box_low[i] <= candidate[i] <= memory.robot.box_high[i]:
+                worst = candidate[i]
+        raise_condition(state, record, Condition.WORKSPACE, worst, math.nan)
         return
     for i in range(dof):
         state.reference[i] = candidate[i]

@@ -48,6 +48,7 @@ def warm_up_apart(settings: Settings) -> None:
     """The same in a process of its own, so that the caller and its children load instead of compiling."""
     if is_warm(settings):
         return
+    print("rtctl: compiling the kernels, once for this version; about a minute", file=sys.stderr, flush=True)
     fd = write_settings(settings)
     try:
         command = [sys.executable, "-m", "rtctl.warmup", str(fd)]

@@ -3,8 +3,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hal.signals import Signal
-from hal.signals import TICK, TIME, Table
+from hal.signals import TICK, TIME, Signal, Table
 from rtctl.record import controller_table
 
 MakeRows = Callable[..., np.ndarray]

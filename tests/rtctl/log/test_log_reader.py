@@ -2,12 +2,11 @@ import json
 
 import pytest
 
-from hal.signals import Signal
+from hal.signals import TICK, TIME, Signal, Table
 from rtctl.log.format import LogError, decode_json, dtype_of, encode_json
 from rtctl.log.hashing import check_hashes
 from rtctl.log.reader import Log, open_many
 from rtctl.log.writer import LogWriter
-from hal.signals import TICK, TIME, Table
 from rtctl.record import controller_table
 
 HEADER = {"settings": json.dumps({"robot": {"kind": "planar_3rpr"}}), "config_hash": "abc", "seed": "1"}

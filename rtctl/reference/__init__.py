@@ -1,0 +1,1 @@
+"""docs/reference, written from the tables the program itself works with, so that it cannot say anything else."""

@@ -1,0 +1,193 @@
+"""The pages: which table each of them shows, and the few words around it."""
+
+from collections.abc import Callable, Iterable, Iterator
+from importlib.metadata import entry_points
+from typing import Any
+
+from hal import backend as backends
+from hal.signals import Signal
+from rtctl.cli import app
+from rtctl.cli.exit_codes import MEANING
+from rtctl.commands import EXPLANATIONS, Reason, Verb
+from rtctl.gateway import keys
+from rtctl.lifecycle import NEVER_BLOCK_RETRACTION, TABLE, Operating, permits
+from rtctl.record import INPUTS, TIMING, controller_table
+from rtctl.reference.command_line import commands as help_of_commands
+from rtctl.reference.markdown import blanks, page, table
+from rtctl.reference.options import sections
+from rtctl.robots.planar_3rpr import Planar3rprOptions
+from rtctl.settings import Settings
+from rtctl.summary import FIGURES
+
+GEOMETRIES = {"planar_3rpr": Planar3rprOptions}
+"""Options of every robot."""
+
+
+def settings() -> str:
+    """Every option of the settings file, then those of robots and backends."""
+    parts = [
+        "A settings file is TOML. Whatever is not in this list is refused, with the nearest known key. Numbers must lie"
+        " within their bounds, ends included. Live options can be changed while the controller runs"
+        " (`rtctl param set`); all others take effect at the next start.",
+        *sections(Settings, ""),
+        "## Geometry of the robots",
+        "The controller's model of the machine; `[robot] kind` says whose.",
+    ]
+    for kind, options in GEOMETRIES.items():
+        parts += sections(options, "robot.geometry", kind)
+    parts += ["## Options of the backends", "What `[backend.options]` may hold; `[backend] name` says whose."]
+    for name, backend in _backends():
+        if hasattr(backend, "options_type"):
+            parts += sections(backend.options_type, "backend.options", name)
+    return page("Settings", "rtctl/settings.py, the robots and the backends", parts)
+
+
+def signals() -> str:
+    """The controller's record and the truths of the simulations."""
+    parts = [
+        "One record a tick, the same bytes in shared memory, in the log (topic `/controller`) and on the wire (key"
+        " `record`). Shapes are those of the planar robot: its pose has three coordinates (x, y, phi of the gripper tip"
+        " in the robot base {B}); its axes are three motors and, last, the stylet's. {F} is the force sensor. A number"
+        " that is not known is NaN.",
+        "A replay feeds what is marked *input*. What is marked *timing* is measured and differs from run to run. All else"
+        " must come out of a replay identical to the bit.",
+        _signals(controller_table(3).signals, _part),
+    ]
+    for name, backend in _backends():
+        truth = backends.load(name, {}, period_s=0.001, seed=0).truth() if backend.simulated else None
+        if truth is not None:
+            parts += [
+                f"## What the backend `{name}` knows",
+                "The truth of a simulation (topic `/truth`), which the controller never sees.",
+                _signals(truth[0].signals),
+            ]
+    return page("Signals", "rtctl/record.py and the backends", parts)
+
+
+def commands() -> str:
+    """Verbs, the states that permit them, and the reasons of refusals."""
+    asked = {key.verb: key for key in keys.REQUESTS.values()}
+    verbs = []
+    for verb in Verb:
+        if verb != Verb.NONE:
+            key = asked.get(verb)
+            states = [s.name for s in Operating if permits.py_func(s, verb)]  # type: ignore[attr-defined]
+            verbs.append(
+                (
+                    f"`{verb.name.lower()}`",
+                    int(verb),
+                    key.arguments if key else "number of the set or plan",
+                    "any" if len(states) == len(Operating) else ", ".join(states),
+                    ("holder of the lease" if key.lease else "everybody") if key else "the gateway",
+                    key.doc if key else "what the gateway has staged takes effect",
+                )
+            )
+    reasons = [(f"`{r.name.lower()}`", int(r), blanks(e.text), e.remedy) for r, e in EXPLANATIONS.items()]
+    return page(
+        "Commands",
+        "rtctl/commands.py, rtctl/lifecycle.py and rtctl/gateway/keys.py",
+        [
+            "Every command is judged in the tick that reads it. The verdict is in the record (`command_verdict`) and in"
+            f" the reply: {int(Reason.ACCEPTED)} is accepted, anything larger a reason of the second table.",
+            "## Verbs",
+            table(("verb", "number", "arguments", "possible in state", "who may", "meaning"), verbs),
+            "## Reasons of a refusal",
+            "Besides the state, a command needs what its motion needs. The number that was wrong and the bound it broke"
+            " come with the reason (`reason_value`, `reason_bound`).",
+            table(("reason", "number", "what is told", "what to do"), reasons),
+        ],
+    )
+
+
+def conditions() -> str:
+    """The condition table."""
+    rows = []
+    for c, row in TABLE.items():
+        way_out = "open" if c in NEVER_BLOCK_RETRACTION else ""
+        rows.append((int(c), f"`{c.name.lower()}`", row.reaction.name, way_out, blanks(row.text), row.remedy))
+    return page(
+        "Conditions",
+        "rtctl/lifecycle.py",
+        [
+            "Everything that can be wrong, and what the controller then does by itself. NOTE is only recorded. STOP ends"
+            " the motion along a jerk-limited brake and holds. PAUSE does the same, and nothing moves until `resume`."
+            " FAULT removes power in the same tick and stays until `acknowledge`. The bounds are in `[safety]` and"
+            " `[trajectory]` of the [settings](settings.md); the bit is that of `condition_active` and"
+            " `condition_latched`.",
+            "A condition whose way out is *open* neither pauses nor refuses a retraction.",
+            table(("bit", "condition", "reaction", "way out", "what is told", "what to do"), rows),
+        ],
+    )
+
+
+def key_table() -> str:
+    """Zenoh keys."""
+    rows = [(f"`{name}`", arguments, who, doc) for name, arguments, who, doc in keys.reference()]
+    return page(
+        "Keys",
+        "rtctl/gateway/keys.py",
+        [
+            "All keys live below `rtctl/<robot>/`. A request is a Zenoh query with a JSON payload and gets a JSON reply:"
+            " see [Operate by Zenoh](../how-to/operate-by-zenoh.md). `dof` is the number of pose coordinates, 3 for the"
+            " planar robot.",
+            table(("key", "arguments", "who may", "meaning"), rows),
+        ],
+    )
+
+
+def figures() -> str:
+    """Keys of summary.json."""
+    return page(
+        "Summary of a run",
+        "rtctl/summary.py",
+        [
+            "`summary.json` in the folder of a run, and the answer of `rtctl sim --json`. What is not known is null.",
+            table(("key", "unit", "meaning"), [(f"`{f.name}`", f.unit, f.meaning) for f in FIGURES]),
+        ],
+    )
+
+
+def command_line() -> str:
+    """Every command of the program, and its exit codes."""
+    codes = table(("code", "meaning"), [(int(code), meaning) for code, meaning in MEANING.items()])
+    return page("Command line", "rtctl/cli", [*help_of_commands(app), "## Exit codes", codes])
+
+
+PAGES: dict[str, Callable[[], str]] = {
+    "settings.md": settings,
+    "signals.md": signals,
+    "commands.md": commands,
+    "conditions.md": conditions,
+    "keys.md": key_table,
+    "summary.md": figures,
+    "cli.md": command_line,
+}
+
+
+def _backends() -> Iterator[tuple[str, Any]]:
+    """Name and class of every installed backend."""
+    for entry in sorted(entry_points(group=backends.GROUP)):
+        yield entry.name, entry.load()
+
+
+def _part(name: str) -> str:
+    return "input" if name in INPUTS else "timing" if name in TIMING else ""
+
+
+def _signals(rows: Iterable[Signal], part: Callable[[str], str] | None = None) -> str:
+    """Signals with type, unit, frame and meaning, and what `part` tells of each name."""
+    head = ("signal", "type", "unit", "frame", *(("part",) if part else ()), "meaning")
+    return table(
+        head,
+        [
+            (
+                f"`{s.name}`",
+                s.type + (f"[{', '.join(map(str, s.shape))}]" if s.shape else ""),
+                s.unit,
+                s.frame,
+                *((part(s.name),) if part else ()),
+                s.meaning,
+            )
+            for s in rows
+        ],
+    )

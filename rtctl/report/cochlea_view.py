@@ -1,0 +1,164 @@
+"""The array in the cochlea at five depths."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from rtctl.electrode import cochlea
+from rtctl.electrode.array_shape import shape_points
+from rtctl.electrode.planning import APPROACH_RAD
+from rtctl.report.style import BAND, BLUE, FAINT, GREY, INK, ORANGE, RED, picture
+from rtctl.summary import Run
+
+MODEL_CAPTION = (
+    "Looking onto the plane of insertion. Shaded: the scala tympani where the controller believes it is, placed by the "
+    "registered entry. Orange: its model of the array, free of contact, at the measured gripper and stylet."
+)
+TRUE_CAPTION = " Dashed and blue: where the scala and the array truly are in this simulation."
+SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""The five depths, as shares of the deepest."""
+WALL_END_DEG, WALL_STEP_DEG = 480.0, 2.0
+MODEL_POINTS = 73
+MARGIN_MM = 1.0
+
+
+def caption(run: Run) -> str:
+    """What the picture shows, which depends on whether the truth is known."""
+    return MODEL_CAPTION + (TRUE_CAPTION if _true_arrays(run) is not None else "")
+
+
+def draw(run: Run) -> Figure | None:
+    """The picture, or None if nothing was inserted, or the robot does not work in this plane."""
+    entry = run.records["pose_entry"][-1]
+    if len(run.inserting) < 2 or len(entry) != 3 or not np.isfinite(entry).all():
+        return None
+    place = Placement.of_registration(entry)
+    truth = _true_arrays(run)
+    true_place = _true_placement(run)
+    picks = [int(np.argmax(run.inserting["depth_mm"] >= share * run.depth_mm - 1e-9)) for share in SHARES]
+    walls = place.walls()
+    low, high = np.min(np.vstack(walls), axis=0), np.max(np.vstack(walls), axis=0)
+
+    def on(figure: Figure) -> None:
+        panels = figure.subplots(3, 2).ravel()
+        for axes, k in zip(panels, [*picks, picks[-1]], strict=True):
+            row = run.inserting[k]
+            _scala(axes, walls)
+            if true_place is not None:
+                for wall in true_place.walls():
+                    axes.plot(*wall.T, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
+            _array(axes, _model_array(run, row), ORANGE, 1.3)
+            if truth is not None:
+                _array(axes, truth(int(row["tick"])), BLUE, 2.4)
+            axes.plot(*place.entry_mm, marker="o", color=INK, markersize=3.5, markerfacecolor="white", zorder=3)
+            axes.set_aspect("equal")
+            axes.grid(visible=False)
+            axes.tick_params(labelsize=7.5)
+        for axes, k in zip(panels, picks, strict=False):
+            row = run.inserting[k]
+            axes.set_xlim(low[0] - 2.2 * MARGIN_MM, high[0] + MARGIN_MM)
+            axes.set_ylim(low[1] - MARGIN_MM, high[1] + MARGIN_MM)
+            axes.set_title(f"{row['depth_mm']:.1f} mm, stylet {row['stylet_measured_mm']:.1f} mm", loc="left")
+        _gripper(panels[-1], run.inserting[picks[-1]]["pose_measured"])
+        panels[-1].set_title("with the gripper", loc="left")
+        panels[-1].autoscale()
+        panels[-1].margins(0.06)
+        handles = [
+            Line2D([], [], color=FAINT, linewidth=1.4, label="walls, registered"),
+            Line2D([], [], color=ORANGE, linewidth=1.3, label="array, model"),
+            Line2D([], [], color=INK, marker="o", linewidth=0, markersize=3.5, markerfacecolor="white", label="entry"),
+        ]
+        if true_place is not None:
+            handles.insert(1, Line2D([], [], color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), label="walls, true"))
+        if truth is not None:
+            handles.append(Line2D([], [], color=BLUE, linewidth=2.4, label="array, true"))
+        figure.legend(handles=handles, loc="outside upper left", ncols=3)
+        for axes in panels[4:]:
+            axes.set_xlabel("x in {B} [mm]")
+        for axes in panels[::2]:
+            axes.set_ylabel("y in {B} [mm]")
+
+    return picture(on, 7.4)
+
+
+class Placement:
+    """Where a cochlea lies in {B}: its entry [mm], and the turn [rad] from {C} to {B}."""
+
+    def __init__(self, entry_mm: np.ndarray, turn_rad: float) -> None:
+        self.entry_mm, self.turn_rad = np.asarray(entry_mm, dtype=float), turn_rad
+
+    @classmethod
+    def of_registration(cls, pose_entry: np.ndarray) -> "Placement":
+        """Where the controller believes it to be, from the registered gripper pose (3,)."""
+        return cls(pose_entry[:2], float(pose_entry[2]) - APPROACH_RAD)
+
+    def to_base(self, points_in_cochlea: np.ndarray) -> np.ndarray:
+        """Points (n, 2) in {B} [mm]."""
+        c, s = math.cos(self.turn_rad), math.sin(self.turn_rad)
+        return self.entry_mm + (points_in_cochlea - cochlea.insertion_point()) @ np.array([[c, s], [-s, c]])
+
+    def walls(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lateral and modiolar wall (n, 2) in {B} [mm]."""
+        return (
+            self.to_base(cochlea.lateral_polyline(WALL_STEP_DEG, WALL_END_DEG)),
+            self.to_base(cochlea.modiolar_polyline(WALL_STEP_DEG, WALL_END_DEG)),
+        )
+
+
+def _true_placement(run: Run) -> Placement | None:
+    """Where a simulated cochlea really is, if the backend's options say so."""
+    anatomy = run.recording.settings.backend.options.get("anatomy", {})
+    entry, angle = anatomy.get("entry_in_base_mm"), anatomy.get("insertion_angle_rad")
+    if run.recording.truths is None or entry is None or angle is None:
+        return None
+    return Placement(entry, float(angle) - cochlea.insertion_path().direction_rad)
+
+
+def _true_arrays(run: Run) -> Callable[[int], np.ndarray] | None:
+    """Function from a tick to the nodes (n, 2) of the true array in {B} [mm]; None if they are not known."""
+    truths = run.recording.truths
+    if truths is None or "array_node_in_base_mm" not in (truths.dtype.names or ()):
+        return None
+
+    def nodes(tick: int) -> np.ndarray:
+        k = min(int(np.searchsorted(truths["tick"], tick)), len(truths) - 1)
+        return truths["array_node_in_base_mm"][k].reshape(-1, 2)
+
+    return nodes
+
+
+def _model_array(run: Run, row: np.void) -> np.ndarray:
+    """The controller's array (n, 2) in {B} [mm] at the measured gripper pose and stylet withdrawal."""
+    electrode = run.recording.settings.electrode
+    along = np.linspace(0.0, electrode.length_mm, MODEL_POINTS)
+    points = np.empty((MODEL_POINTS, 2))
+    shape_points(np.array(electrode.modal_matrix), float(row["stylet_measured_mm"]), along, points)
+    x, y, phi = row["pose_measured"]
+    c, s = math.cos(phi), math.sin(phi)
+    return np.array([x, y]) + points @ np.array([[c, s], [-s, c]])
+
+
+def _scala(axes: Axes, walls: tuple[np.ndarray, np.ndarray]) -> None:
+    """The channel between the walls, piece by piece because its turns pass inside each other."""
+    lateral, modiolar = walls
+    pieces = np.stack((lateral[:-1], lateral[1:], modiolar[1:], modiolar[:-1]), axis=1)
+    axes.add_collection(PolyCollection(list(pieces), facecolors=BAND, edgecolors=BAND, linewidths=0.4, zorder=0.5))
+    for wall in walls:
+        axes.plot(*wall.T, color=FAINT, linewidth=1.4, zorder=0.8)
+
+
+def _array(axes: Axes, points: np.ndarray, colour: str, width: float) -> None:
+    axes.plot(*points.T, color=colour, linewidth=width, solid_capstyle="round")
+    axes.plot(*points[-1], marker="x", color=RED if width > 2 else colour, markersize=4)
+
+
+def _gripper(axes: Axes, pose: np.ndarray) -> None:
+    """A bar behind the grip ribs."""
+    x, y, phi = pose
+    back = np.array([x, y]) - 6.0 * np.array([math.cos(phi), math.sin(phi)])
+    axes.plot([back[0], x], [back[1], y], color=INK, linewidth=5, solid_capstyle="butt")
