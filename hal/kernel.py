@@ -9,6 +9,7 @@ place is ever looked at.
 import ast
 import hashlib
 import os
+import re
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -24,6 +25,7 @@ from hal.errors import RtctlError
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("hal", "rtctl", "drivers", "sim_backends")
+MAKES_KERNELS = re.compile(r"^from hal\.kernel import .*\b(kernel|specialised)\b", re.MULTILINE)
 _DISPATCHERS: list[Any] = []
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -57,9 +59,9 @@ class Locator(UserProvidedCacheLocator):
 
 @cache
 def kernel_sources() -> tuple[Path, ...]:
-    """Every file that imports :mod:`hal.kernel`, and what those files import of ours, transitively."""
+    """Every file that makes kernels, and what those files import of ours, transitively."""
     files = [f for p in PACKAGES for f in sorted((ROOT / p).rglob("*.py"))]
-    todo = [f for f in files if "hal.kernel" in f.read_text()]
+    todo = [f for f in files if MAKES_KERNELS.search(f.read_text())]
     found = set(todo)
     while todo:
         for target in _imports(todo.pop()):

@@ -25,7 +25,7 @@ import numpy as np
 import zenoh
 
 from hal.errors import RtctlError
-from rtctl.commands import Verb
+from rtctl.commands import CommandRefused, Verb
 from rtctl.gateway.keys import REQUESTS, STAGED, key_of
 from rtctl.gateway.transport import configure
 from rtctl.record import CDR_HEADER, controller_table
@@ -39,22 +39,6 @@ RENEWALS = 4
 """Heartbeats within the life of a lease."""
 
 Done = Callable[[Any], bool]
-
-
-class CommandRefused(RtctlError):
-    """The controller did not do it, and says why.
-
-    `reason` is one word: a reason of :class:`rtctl.commands.Reason` in lower case, or one of the gateway's.
-    """
-
-    exit_code = 4
-
-    def __init__(self, reason: str, what: str, *, value: object = None, bound: str = "", remedy: str = "") -> None:
-        self.reason = reason
-        super().__init__(what, value=value, bound=bound, remedy=remedy)
-
-    def __str__(self) -> str:
-        return f"{self.what}; {self.remedy}" if self.remedy else self.what
 
 
 class NoReply(RtctlError):

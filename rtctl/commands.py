@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hal.errors import RtctlError
+
 COMMAND = np.dtype(
     [
         ("sequence", "i8"),
@@ -123,3 +125,19 @@ def explain(reason: int, value: float, bound: float) -> tuple[str, str]:
     """Text and remedy of a refusal with its value and bound filled in."""
     e = EXPLANATIONS[Reason(reason)]
     return e.text.format(value=value, bound=bound), e.remedy
+
+
+class CommandRefused(RtctlError):
+    """The controller did not do it, and says why.
+
+    `reason` is one word: a reason of :class:`rtctl.commands.Reason` in lower case, or one of the gateway's.
+    """
+
+    exit_code = 4
+
+    def __init__(self, reason: str, what: str, *, value: object = None, bound: str = "", remedy: str = "") -> None:
+        self.reason = reason
+        super().__init__(what, value=value, bound=bound, remedy=remedy)
+
+    def __str__(self) -> str:
+        return f"{self.what}; {self.remedy}" if self.remedy else self.what

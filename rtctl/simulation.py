@@ -11,7 +11,7 @@ import numpy as np
 
 from hal.errors import RtctlError
 from hal.signals import Table
-from rtctl.commands import Reason, Verb, explain
+from rtctl.commands import CommandRefused, Reason, Verb, explain
 from rtctl.exchange.control import Grade
 from rtctl.gateway.events import Watcher, say
 from rtctl.gateway.journal import with_bytes
@@ -29,12 +29,6 @@ GLANCE_TICKS = 20
 """How often the script looks at the records; part of the experiment, so it must not depend on the machine."""
 LAST_TICKS = 300
 """Ticks to come to rest at the end, and as many without power after it."""
-
-
-class CommandRefused(RtctlError):
-    """The controller did not do it, and says why."""
-
-    exit_code = 4
 
 
 @dataclass(frozen=True)
@@ -146,7 +140,7 @@ class LockstepOperator:
         reason = Reason(int(record["command_verdict"]))
         if reason is not Reason.ACCEPTED:
             text, remedy = explain(reason, float(record["reason_value"]), float(record["reason_bound"]))
-            raise CommandRefused(f"{verb.name.lower()} refused: {text}", remedy=remedy)
+            raise CommandRefused(reason.name.lower(), f"{verb.name.lower()} refused: {text}", remedy=remedy)
         return int(record["tick"])
 
     def wait(self, until: Predicate, timeout_s: float) -> Any:

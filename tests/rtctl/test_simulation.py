@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from rtctl import replay, workflow
-from rtctl.commands import Verb
+from rtctl.commands import CommandRefused, Verb
 from rtctl.lifecycle import Condition, Operating, Task
 from rtctl.log.reader import Log
 from rtctl.recording import logs_in, open_recording
 from rtctl.settings import load
-from rtctl.simulation import CommandRefused, LockstepOperator, Recorder, simulate
+from rtctl.simulation import LockstepOperator, Recorder, simulate
 
 
 def test_whole_work_flow_runs_in_the_order_of_the_paper(insertion):

@@ -10,8 +10,8 @@ import pytest
 from rtctl.cli import child, client, main, motion, parameters, watching
 from rtctl.cli.exit_codes import Exit
 from rtctl.cli.parameters import assignment
-from rtctl.client import CommandRefused, NoReply, Reply
-from rtctl.commands import Verb
+from rtctl.client import NoReply, Reply
+from rtctl.commands import CommandRefused, Verb
 from rtctl.lifecycle import Condition, Operating, Task
 from rtctl.record import controller_table
 from rtctl.settings import load

@@ -9,8 +9,8 @@ import typer
 from hal.errors import BackendError, OptionError
 from rtctl.cli import app, main
 from rtctl.cli.exit_codes import MEANING, Exit
+from rtctl.commands import CommandRefused
 from rtctl.log.format import LogError
-from rtctl.simulation import CommandRefused
 
 
 def commands(group: typer.Typer, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
@@ -80,7 +80,7 @@ def test_bad_input_is_told_on_stderr_without_a_trace(arguments, code, capsys):
 def test_errors_carry_the_codes_of_the_table():
     assert OptionError("x").exit_code == Exit.BAD_INPUT
     assert BackendError("x").exit_code == Exit.UNREACHABLE
-    assert CommandRefused("x").exit_code == Exit.REFUSED
+    assert CommandRefused("busy", "x").exit_code == Exit.REFUSED
     assert LogError("x").exit_code == Exit.DATA
 
 

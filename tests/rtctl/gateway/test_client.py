@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from rtctl.client import Client, CommandRefused, NoReply, WaitedTooLong
-from rtctl.commands import Verb
+from rtctl.client import Client, NoReply, WaitedTooLong
+from rtctl.commands import CommandRefused, Verb
 
 
 def test_a_command_takes_effect_and_its_tick_comes_back(world):

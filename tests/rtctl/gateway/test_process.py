@@ -10,8 +10,8 @@ import time
 import numpy as np
 import pytest
 
-from rtctl.client import CommandRefused, NoReply
-from rtctl.commands import Verb
+from rtctl.client import NoReply
+from rtctl.commands import CommandRefused, Verb
 from rtctl.electrode.path import PATH
 from rtctl.exchange.control import LOG_WRITING, OPERATOR_EXPECTED, OPERATOR_PRESENT, RealTimeState, Word, get
 from rtctl.exchange.ring import committed

@@ -7,8 +7,8 @@ import time
 import pytest
 import zenoh
 
-from rtctl.client import Client, CommandRefused, NoReply
-from rtctl.commands import Verb
+from rtctl.client import Client, NoReply
+from rtctl.commands import CommandRefused, Verb
 from rtctl.gateway.keys import REQUESTS
 from rtctl.gateway.transport import configure
 
