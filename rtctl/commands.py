@@ -78,11 +78,10 @@ class Reason(enum.IntEnum):
     STILL_PRESENT = 18
     NO_PROFILE = 19
     STALE_SLOT = 20
-    NOTHING_TO_RESUME = 21
-    NOT_REGISTERED = 22
-    NO_POWER = 23
-    UNKNOWN_VERB = 24
-    INSERTED = 25
+    NOT_REGISTERED = 21
+    NO_POWER = 22
+    UNKNOWN_VERB = 23
+    INSERTED = 24
 
 
 @dataclass(frozen=True)
@@ -102,9 +101,9 @@ EXPLANATIONS: dict[Reason, Explanation] = {
     Reason.OUTSIDE_BOX: Explanation("coordinate {bound:.0f} (from 0) at {value:.4g} leaves the workspace box", "choose a pose inside [robot] box_low/box_high"),
     Reason.STROKE_LIMIT: Explanation("joint {bound:.0f} (from 0) at {value:.4g} mm leaves its stroke", "choose a pose the pistons can reach"),
     Reason.SINGULAR: Explanation("the way comes to a singular pose after {value:.0%} of it", "choose a smaller rotation"),
-    Reason.SPEED: Explanation("speed {value:.4g} is outside (0, {bound:.4g}]", "ask for a speed within the limits of [trajectory]"),
+    Reason.SPEED: Explanation("speed {value:.4g} is outside (0, {bound:.4g}]", "ask for a speed at which this way respects the limits of [trajectory] and [stylet]"),
     Reason.DEPTH: Explanation("depth {value:.4g} mm is outside the plan or not ahead (limit {bound:.4g} mm)", "choose a depth inside the plan"),
-    Reason.NO_PLAN: Explanation("there is no insertion plan", "run `rtctl insert --plan-only`, or `rtctl insert`"),
+    Reason.NO_PLAN: Explanation("there is no insertion plan", "run `rtctl plan`, or `rtctl insert`"),
     Reason.NOT_AT_ENTRY: Explanation("the gripper is {value:.3g} mm from the first pose of the plan (at most {bound:.3g})", "run the approach first"),
     Reason.NO_ARRAY: Explanation("no array is loaded", "load one and say so with `rtctl load-array`"),
     Reason.ARRAY_LOADED: Explanation("an array is loaded", "take it out and say so with `rtctl unload-array`"),
@@ -113,7 +112,6 @@ EXPLANATIONS: dict[Reason, Explanation] = {
     Reason.STILL_PRESENT: Explanation("the cause of the fault or pause is still present", "remove the cause shown by `rtctl status`, then try again"),
     Reason.NO_PROFILE: Explanation("no motion profile exists within the limits (planner result {value:.0f})", "check the limits in [trajectory]"),
     Reason.STALE_SLOT: Explanation("the staged data were replaced before they took effect", "send the command again"),
-    Reason.NOTHING_TO_RESUME: Explanation("nothing is paused", "run `rtctl status`"),
     Reason.NOT_REGISTERED: Explanation("the entry is not registered", "move the gripper to the entry and run `rtctl register`"),
     Reason.NO_POWER: Explanation("the amplifiers are not energised", "run `rtctl enable`"),
     Reason.INSERTED: Explanation("the array is {value:.3g} mm inside the cochlea", "retract it, or end the insertion with `rtctl stop`"),

@@ -151,7 +151,6 @@ def obey(memory, record):
         state.unbiased = 0
         state.plan_number = 0
         state.task = Task.IDLE
-        state.stylet_reference_mm = 0.0
         state.stylet_extra_mm = 0.0
         _leave_path(memory)
         profiles.clear(memory.profile, state.tick)

@@ -82,7 +82,7 @@ def _judge_task(memory, sensors, record):
     if verb == Verb.HOME:
         if state.array_loaded:
             return refuse(record, Reason.ARRAY_LOADED, math.nan, math.nan)
-        return Reason.ACCEPTED if state.motion == Motion.HOLD else refuse(record, Reason.BUSY, math.nan, math.nan)
+        return Reason.ACCEPTED if hlc.is_resting(memory) else refuse(record, Reason.BUSY, math.nan, math.nan)
     if not state.homed:
         return refuse(record, Reason.NOT_HOMED, math.nan, math.nan)
     streaming = (verb == Verb.SERVO_CP and state.motion == Motion.SERVO_CP) or (
@@ -90,9 +90,13 @@ def _judge_task(memory, sensors, record):
     )
     if (state.motion != Motion.HOLD or state.unbias_left > 0) and not streaming:
         return refuse(record, Reason.BUSY, math.nan, math.nan)
-    if verb == Verb.REGISTER_ENTRY or verb == Verb.UNBIAS:
-        return Reason.ACCEPTED
-    if verb == Verb.LOAD_ARRAY:
+    if verb == Verb.REGISTER_ENTRY or verb == Verb.UNBIAS or verb == Verb.LOAD_ARRAY:
+        if not hlc.is_resting(memory):
+            return refuse(record, Reason.BUSY, math.nan, math.nan)
+        if verb != Verb.LOAD_ARRAY:
+            return Reason.ACCEPTED
+        if state.stylet_reference_mm > 0.0 and not state.array_loaded:  # the rod is still on its way back
+            return refuse(record, Reason.BUSY, math.nan, math.nan)
         return refuse(record, Reason.ARRAY_LOADED, math.nan, math.nan) if state.array_loaded else Reason.ACCEPTED
     if verb == Verb.INSERT or verb == Verb.RETRACT or verb == Verb.APPROACH:
         if state.plan_number == 0:

@@ -67,13 +67,13 @@ class Machine:
         return Check("SCHED_FIFO", f"priority {os.sched_getparam(0).sched_priority}", good, remedy)
 
     def _bind(self, cpu: int) -> Check:
-        allowed = sorted(os.sched_getaffinity(0))
-        chosen = allowed[-1] if cpu < 0 else cpu
-        remedy = f"set loop.cpu to one of {allowed}; real time wants two cores or more"
-        if chosen not in allowed:
-            return Check("own core", f"core {chosen} does not exist", False, remedy)
-        os.sched_setaffinity(0, {chosen})
-        return Check("own core", f"core {chosen} of {len(allowed)}", len(allowed) > 1, remedy)
+        count, chosen = os.cpu_count() or 1, max(os.sched_getaffinity(0)) if cpu < 0 else cpu
+        remedy = f"set loop.cpu to one of 0 .. {count - 1}; real time wants two cores or more"
+        try:
+            os.sched_setaffinity(0, {chosen})  # an isolated core is not among those inherited, but may be taken
+        except OSError:
+            return Check("own core", f"core {chosen} is not to be had", False, remedy)
+        return Check("own core", f"core {chosen} of {count}", count > 1, remedy)
 
     def _hold_dma_latency(self) -> Check:
         """Deep idle states end while the file stays open with a zero in it."""

@@ -13,9 +13,14 @@ from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 from hal.kernel import kernel
 from rtctl import profile as profiles
 from rtctl.commands import Reason, Verb
+from rtctl.electrode.path import evaluate_path
 from rtctl.lifecycle import Motion
 from rtctl.robots.interface import OUTSIDE_BOX, REACHABLE, SINGULAR, STROKE_LIMIT, inverse, reach
 
+RATE_STEP_MM = 0.1
+"""Distance of the depths at which a path's slope is looked at."""
+FLAT = 1e-9
+"""Slope below which a coordinate does not limit the rate."""
 STANDING = 1e-6
 """A coordinate [mm or rad] that changes by less does not bend a straight line."""
 WAY_POINTS = 64
@@ -54,7 +59,7 @@ class Proposer:
             if m["state"]["plan_number"] > 0:
                 self._propose_pose(memory, m["plan"]["coefficient"][0, : self.dof, 3], True)
         else:
-            self._propose_depth(m, verb)
+            self._propose_depth(memory, verb)
 
     def _propose_pose(self, memory: np.ndarray, goal: np.ndarray, whole_way: bool) -> None:
         m, robot = memory[0], memory["robot"]
@@ -78,7 +83,8 @@ class Proposer:
         _adopt(proposal, 0, self.pose_trajectory, result)
         return None
 
-    def _propose_depth(self, m: np.void, verb: int) -> None:
+    def _propose_depth(self, memory: np.ndarray, verb: int) -> None:
+        m = memory[0]
         state, parameters, proposal = m["state"], m["parameters"], m["proposal"]
         goal, speed = m["command"]["argument"][:2]
         if verb == Verb.RESUME:
@@ -94,6 +100,12 @@ class Proposer:
             return _refuse(proposal, Reason.SPEED, speed, fastest)
         if not 0.0 <= goal <= end or (goal < depth if forward else goal > depth):
             return _refuse(proposal, Reason.DEPTH, goal, end if forward and goal > end else depth)
+        stylet_speed = parameters["stylet_step_mm"] / parameters["period_s"] if forward else math.inf
+        fastest = fastest_rate(
+            memory["plan"], depth, goal, parameters["speed"], parameters["length_dofs"], stylet_speed
+        )
+        if speed > fastest:
+            return _refuse(proposal, Reason.SPEED, speed, fastest)
         i = self.depth_input
         i.current_position, i.target_position, i.max_velocity = [depth], [goal], [speed]
         i.current_velocity = [state["setpoint_rate"][self.dof]]
@@ -145,6 +157,28 @@ def _adopt(proposal: np.void, first_channel: int, trajectory: Trajectory, result
             proposal[name][channel, :n] = column
     proposal["duration_s"] = trajectory.duration
     return None
+
+
+@kernel
+def fastest_rate(paths, start_mm, goal_mm, speed, lengths, stylet_speed):
+    """Largest depth rate [mm/s] at which no coordinate between two depths of the path exceeds its own speed.
+
+    speed (dof + 1,) holds the limits of the coordinates, the first `lengths` of which share one over their norm.
+    """
+    path, dof = paths[0], speed.shape[0] - 1
+    value, slope = np.empty(dof + 1), np.empty(dof + 1)
+    steps = max(math.ceil(abs(goal_mm - start_mm) / RATE_STEP_MM), 1)
+    rate = math.inf
+    for k in range(steps + 1):
+        evaluate_path(path, start_mm + (goal_mm - start_mm) * k / steps, value, slope)
+        squares = 0.0
+        for i in range(lengths):
+            squares += slope[i] * slope[i]
+        rate = min(rate, speed[0] / max(math.sqrt(squares), FLAT))
+        for i in range(lengths, dof):
+            rate = min(rate, speed[i] / max(abs(slope[i]), FLAT))
+        rate = min(rate, stylet_speed / max(abs(slope[dof]), FLAT))
+    return rate
 
 
 @kernel

@@ -276,6 +276,7 @@ def report(memory, record):
     record.task_state = state.task
     record.motion = state.motion
     record.is_homed = state.homed
-    record.is_busy = not hlc.is_resting(memory) or state.unbias_left > 0
+    returning = state.array_loaded == 0 and state.stylet_reference_mm > 0.0
+    record.is_busy = not hlc.is_resting(memory) or state.unbias_left > 0 or returning
     record.is_unbiased = state.unbiased
     record.array_loaded = state.array_loaded

@@ -36,8 +36,10 @@ def correct(memory, record):
 
 @kernel
 def follow_stylet(memory, record):
-    """The stylet only ever comes out, at most at its own speed and to the end of its stroke."""
+    """With an array the stylet only ever comes out, at its own speed at most; without one the empty rod goes back."""
     parameters, state = memory.parameters, memory.state
+    if not state.array_loaded:
+        state.stylet_reference_mm = max(state.stylet_reference_mm - parameters.stylet_step_mm, 0.0)
     if not state.on_path:
         return
     wanted = record.stylet_desired_mm + state.stylet_extra_mm

@@ -30,9 +30,11 @@ class PlantBackend:
 
     axes = AXES
     simulated = True
+    options_type = PlantOptions
+    """for the reference of settings"""
 
     def __init__(self, table: Mapping[str, Any], *, period_s: float, seed: int) -> None:
-        self.options = options.read(PlantOptions, table, "backend.options")
+        self.options = options.read(self.options_type, table, "backend.options")
         self.watchdog_ticks = self.options.watchdog_ticks
         self._device = pack(self.options, period_s, seed)
         self._record = self._device[0]
