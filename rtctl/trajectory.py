@@ -40,7 +40,8 @@ def follow_stylet(memory, record):
     parameters, state = memory.parameters, memory.state
     if not state.array_loaded:
         state.stylet_reference_mm = max(state.stylet_reference_mm - parameters.stylet_step_mm, 0.0)
-    if not state.on_path:
+    resting = state.setpoint_rate[state.setpoint.shape[0] - 1] == 0.0
+    if not state.on_path or (state.operating == Operating.PAUSED and resting):
         return
     wanted = record.stylet_desired_mm + state.stylet_extra_mm
     if wanted >= parameters.stylet_stroke_mm:

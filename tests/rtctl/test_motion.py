@@ -381,7 +381,10 @@ def test_an_insertion_does_not_begin_away_from_the_entry(entry):
     assert entry.last["reason_value"] > entry.settings.trajectory.entry_tolerance_mm == entry.last["reason_bound"]
 
 
-def test_the_lateral_correction_is_no_step_where_the_path_is_left(entry):
+@pytest.mark.parametrize(
+    "leave", [Verb.MOVE_CP, Verb.SERVO_CV, Verb.LOAD_PLAN, Verb.UNLOAD_ARRAY], ids=lambda v: v.name
+)
+def test_the_lateral_correction_is_no_step_where_the_path_is_left(entry, leave):
     entry.do(Verb.INSERT, 4.0, 2.0)
     entry.until(lambda r: r["task_state"] == Task.HOLDING)
     entry.state["lateral_offset_mm"][:2] = (0.0, 1.5)
@@ -390,13 +393,19 @@ def test_the_lateral_correction_is_no_step_where_the_path_is_left(entry):
     entry.do(Verb.STOP)
     entry.run(100)
     before = entry.last["pose_reference"].copy()
-    entry.do(Verb.MOVE_CP, 160.0, -1.0, 0.0)
-    assert entry.last["pose_reference"] == pytest.approx(before, abs=1e-5)
-    assert entry.last["pose_desired"] == pytest.approx(before, abs=1e-5)
+    if leave is Verb.LOAD_PLAN:
+        assert entry.load_plan() is Reason.ACCEPTED
+    else:
+        entry.do(leave, *((160.0, -1.0, 0.0) if leave is Verb.MOVE_CP else (0.5, 0.0, 0.0)))
+    for name in ("pose_reference", "pose_desired"):
+        assert entry.last[name] == pytest.approx(before, abs=1e-5)
     assert not entry.last["admittance_offset_mm"].any()
+    assert entry.last["depth_mm"] == 0.0
+    start = len(entry.rows)
     entry.rest()
-    assert entry.last["pose_reference"] == pytest.approx([160.0, -1.0, 0.0], abs=1e-9)
-    assert not entry.rows[-500:]["condition_active"].any()
+    assert entry.last["pose_reference"] == pytest.approx(entry.last["pose_desired"], abs=1e-9)
+    steps = np.abs(np.diff(entry.rows["pose_reference"][start - 1 :, LENGTHS], axis=0))
+    assert steps.max(initial=0.0) <= 8e-3 + 1e-9
 
 
 def test_changed_filter_coefficients_are_no_jolt(entry):

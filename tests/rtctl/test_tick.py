@@ -147,6 +147,14 @@ def test_what_a_moving_controller_says(moving):
     assert moving.c.record["motion"][0] == Motion.MOVE, "and nothing has changed"
 
 
+def test_what_needs_rest_is_refused_while_a_brake_is_on(moving):
+    assert moving.ask(Verb.STOP) is Reason.ACCEPTED
+    assert moving.c.record["motion"][0] == Motion.HOLD
+    for verb in (Verb.HOME, Verb.REGISTER_ENTRY, Verb.UNBIAS, Verb.LOAD_ARRAY, Verb.UNLOAD_ARRAY):
+        assert moving.ask(verb) is Reason.BUSY, verb.name
+    assert moving.ask(Verb.MOVE_CP, 160.0, 0.0, 0.0) is Reason.ACCEPTED, "a move may go on from there"
+
+
 def test_what_is_said_inside_the_cochlea(inserting):
     assert inserting.ask(Verb.STOP) is Reason.ACCEPTED
     for _ in range(1500):
@@ -367,11 +375,15 @@ def test_the_saturated_correction_pauses(inserting):
     def push(c):
         c.sensors["wrench_in_sensor"][0, 1] -= 0.4  # along +y of the gripper
 
+    depths = []
     for _ in range(2000):
         record = inserting.step(spoil=push)
+        depths.append(float(record["depth_mm"]))
         if record["operating_state"] == Operating.PAUSED:
             break
     assert record["stop_cause"] == Condition.ADMITTANCE_SATURATED
+    depths += [float(inserting.step(spoil=push)["depth_mm"]) for _ in range(50)]
+    assert np.abs(np.diff(depths, 2)).max() / 0.001**2 <= 4.0 + 1e-6, "seen late in the tick, braked without a step"
     offset = record["admittance_offset_mm"]
     assert np.linalg.norm(offset) == pytest.approx(5.0)
     assert offset[0] == pytest.approx(0.0, abs=1e-9), "nothing along the insertion axis"
