@@ -106,6 +106,11 @@ def kernel(function: Any = None, *, signature: Any = None) -> Any:
     return _compile(function, None)
 
 
+def loaded() -> set[str]:
+    """Name and types of every kernel that is ready to be called in this process."""
+    return {f"{d.py_func.__qualname__} {s}" for d in _DISPATCHERS for s in d.signatures}
+
+
 def specialised(function: F, arguments: tuple[Any, ...]) -> F:
     """Compile `function` for the types of these `arguments` now, so that it can be cached and called at no cost.
 

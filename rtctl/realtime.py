@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hal.backend import load
 from hal.errors import RtctlError
+from hal.kernel import loaded
 from rtctl import clock as clocks
 from rtctl.controller import Controller
 from rtctl.exchange.control import Grade, RealTimeState, Word, put
@@ -63,7 +64,10 @@ def run(arguments: argparse.Namespace) -> int:
         clock = clocks.grid(settings.loop.period_s)
         put(control, Word.EPOCH_NS, int(clock["epoch_ns"][0]))
         put(control, Word.REAL_TIME_STATE, RealTimeState.RUNNING)
+        rehearsed = loaded()
         loop.run(clock, arguments.ticks)
+        for name in sorted(loaded() - rehearsed):
+            print(f"rtctl: loaded while the loop ran, because it was not rehearsed: {name}", file=sys.stderr)
     except BaseException:
         put(control, Word.REAL_TIME_STATE, RealTimeState.FAILED)
         raise

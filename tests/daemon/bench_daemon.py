@@ -31,9 +31,7 @@ class DaemonUnderTest:
     def __init__(self, directory: Path, *overrides: str, name: str | None = None) -> None:
         self.directory = directory
         self.name = name or f"test{os.getpid()}-{directory.name}"
-        with socket.socket() as s:
-            s.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{s.getsockname()[1]}"
+        self.endpoint = free_endpoint()
         arguments = [f"robot.name={self.name}", f"gateway.endpoint={self.endpoint}", *overrides]
         self.process = subprocess.Popen(
             [sys.executable, "-c", SCRIPT, str(directory), *arguments],
@@ -97,6 +95,13 @@ class DaemonUnderTest:
         if self.process.poll() is None:
             self.process.kill()  # its children follow: they asked for a signal when their parent dies
             self.process.wait()
+
+
+def free_endpoint() -> str:
+    """A locator on loopback that nobody uses."""
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{s.getsockname()[1]}"
 
 
 def eventually(holds, timeout_s: float = 10.0, what: str = "") -> None:

@@ -46,6 +46,7 @@ def test_sigterm_in_motion_ends_at_rest_without_power_and_with_a_whole_log(start
         enable_and_move(client)
         time.sleep(0.5)
         assert daemon.terminate() == 0
+    assert "not rehearsed" not in daemon.output
     log = daemon.log()
     rows = log.controller
     assert log.complete
