@@ -33,6 +33,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 class CacheError(RtctlError):
     """Machine code cannot be kept where it belongs."""
 
+    def __init__(self, error: OSError) -> None:
+        super().__init__(
+            "the kernel cache cannot be written",
+            value=str(cache_directory()),
+            remedy=f"run `rtctl warmup` as the user who owns it, or set RTCTL_CACHE_DIR ({error.strerror})",
+        )
+
 
 class Locator(UserProvidedCacheLocator):
     """Finds machine code in :func:`cache_directory` and nowhere else.
@@ -50,11 +57,7 @@ class Locator(UserProvidedCacheLocator):
         try:
             super().ensure_cache_path()
         except OSError as error:
-            raise CacheError(
-                "the kernel cache cannot be written",
-                value=str(cache_directory()),
-                remedy=f"run `rtctl warmup` as the user who owns it, or set RTCTL_CACHE_DIR ({error.strerror})",
-            ) from None
+            raise CacheError(error) from None
 
 
 @cache

@@ -6,7 +6,7 @@ import sys
 
 from hal.backend import load
 from hal.errors import RtctlError
-from hal.kernel import cache_directory, compiled_here
+from hal.kernel import CacheError, cache_directory, compiled_here
 from rtctl.controller import Controller
 from rtctl.handover import layout, read_settings, write_settings
 from rtctl.rehearsal import rehearse
@@ -24,7 +24,7 @@ def warm_up(settings: Settings) -> list[str]:
     """Compile what is missing, in this process; returns the names of the kernels that were compiled.
 
     Raises:
-        RtctlError: the cache cannot be written, so the real-time process would have to compile, too.
+        CacheError: the cache cannot be written, so the real-time process would have to compile, too.
     """
     choice = settings.backend
     backend = load(choice.name, choice.options, period_s=settings.loop.period_s, seed=0)
@@ -36,11 +36,7 @@ def warm_up(settings: Settings) -> list[str]:
         cache_directory().mkdir(parents=True, exist_ok=True)
         (cache_directory() / f"{settings.robot.kind}-{choice.name}.{DONE}").touch()
     except OSError as error:
-        raise RtctlError(
-            "the kernel cache cannot be written",
-            value=str(cache_directory()),
-            remedy=f"run `rtctl warmup` as the user who owns it, or set RTCTL_CACHE_DIR ({error.strerror})",
-        ) from None
+        raise CacheError(error) from None
     return compiled_here()
 
 
