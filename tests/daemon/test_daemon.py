@@ -58,7 +58,7 @@ def test_sigterm_in_motion_ends_at_rest_without_power_and_with_a_whole_log(start
     speed = np.linalg.norm(np.diff(rows["pose_desired"][:, :2], axis=0), axis=1) / 0.001
     assert np.nanmax(speed) > 1.0, "it was moving"
     off = np.flatnonzero(rows["command_verb"] == Verb.DISABLE)[-1]
-    assert speed[off - 2] == 0, "it came to rest before power went"
+    assert speed[off - 2] < 1e-3, "it came to rest before power went"  # the profile ends within a tick
     assert replay.run([daemon.directory / "log.mcap"]).identical
 
 
