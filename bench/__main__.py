@@ -1,0 +1,99 @@
+"""`python -m bench`: measure, print a table, exit 0 if every target that could be measured is met."""
+
+import argparse
+import json
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator
+from importlib import metadata
+from pathlib import Path
+
+from rich.console import Console
+
+from bench import exchange_cost, lockstep_speed, loop_cost, memory_growth, tick_cost, wake_up
+from bench.figures import Figure, table
+from bench.recorded import record_insertion
+from hal.errors import RtctlError
+from rtctl.settings import load
+
+PARTS = ("tick", "loop", "wake-up", "lockstep", "exchange")
+SEED = 1
+WIDTH = 170
+"""Of the table when it goes into a file or a pipe [characters]."""
+
+
+def main() -> int:
+    """Run the parts asked for; 0 if all is well, 1 if a target is missed, else the exit code of the error."""
+    arguments = _arguments()
+    console = Console(stderr=True)
+    try:
+        figures = []
+        for name, part in _parts(arguments):
+            with console.status(f"{name} ..."):
+                figures += part()
+    except RtctlError as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return error.exit_code
+    Console(width=None if sys.stdout.isatty() else WIDTH).print(table(figures))
+    if arguments.json is not None:
+        document = {"machine": _machine(), "figures": [figure.as_table() for figure in figures]}
+        arguments.json.write_text(json.dumps(document, indent=1) + "\n")
+    return int(any(figure.met is False for figure in figures))
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench",
+        description=__doc__,
+        epilog="example: python -m bench wake-up --rounds 30 --json wake.json",
+    )
+    parser.add_argument("parts", nargs="*", default=PARTS, help=f"of {', '.join(PARTS)}; all of them when absent")
+    parser.add_argument("--config", default="planar-sim", help="settings to measure with [planar-sim]")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a setting")
+    parser.add_argument("--rounds", type=int, default=15, help="of loop and cyclictest in turns [15]")
+    parser.add_argument("--seconds", type=float, default=4.0, help="of each of them in a round [4]")
+    parser.add_argument("--memory", action="store_true", help="measure only whether the daemon grows over a long run")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of that run [10]")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file, too")
+    arguments = parser.parse_args()
+    unknown = set(arguments.parts) - set(PARTS)
+    if unknown:
+        parser.error(f"no such part: {', '.join(sorted(unknown))} (choose from {', '.join(PARTS)})")
+    return arguments
+
+
+def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], list[Figure]]]]:
+    """Name and measurement of everything asked for, in order."""
+    # a name of its own, so that the bench can run beside a daemon
+    settings = load(arguments.config, [f"robot.name=bench{os.getpid()}", *arguments.set])
+    if arguments.memory:
+        yield "memory", lambda: memory_growth.measure(settings, arguments.minutes)
+        return
+    asked = arguments.parts
+    pieces = record_insertion(settings, SEED) if {"tick", "lockstep", "exchange"} & set(asked) else []
+    measurements: dict[str, Callable[[], list[Figure]]] = {
+        "tick": lambda: tick_cost.measure(settings, pieces),
+        "loop": lambda: loop_cost.measure(settings),
+        "wake-up": lambda: wake_up.measure(settings, arguments.rounds, arguments.seconds),
+        "lockstep": lambda: lockstep_speed.measure(settings, SEED, pieces),
+        "exchange": lambda: exchange_cost.measure(settings, pieces),
+    }
+    yield from ((name, measurements[name]) for name in PARTS if name in asked)
+
+
+def _machine() -> dict[str, str | int]:
+    """Where the figures come from."""
+    cpu = next((line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")), "")
+    packages = {name: metadata.version(name) for name in ("numpy", "numba", "llvmlite")}
+    return {
+        "cpu": cpu.partition(":")[2].strip(),
+        "cores": os.cpu_count() or 0,
+        "kernel": platform.release(),
+        "python": platform.python_version(),
+        **packages,
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

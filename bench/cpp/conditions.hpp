@@ -1,0 +1,82 @@
+// rtctl/conditions.py
+#pragma once
+
+#include <cmath>
+
+#include "layout.hpp"
+
+namespace conditions {
+namespace {
+
+void raise_condition(State &state, Record &record, int64_t condition, double value, double bound) {
+    const int64_t bit = int64_t{1} << condition;
+    record.condition_active |= bit;
+    state.latched |= bit;
+    const bool is_new = (state.active & bit) == 0;
+    if (is_new && (record.condition_reported < 0 || REACTION[condition] > REACTION[record.condition_reported])) {
+        record.condition_reported = int32_t(condition);
+        record.condition_value = value;
+        record.condition_bound = bound;
+    }
+}
+
+void watch_force(const Parameters &parameters, State &state, const Sensors &sensors, Record &record) {
+    const double *f = record.wrench_in_base;
+    const bool known = sensors.wrench_validity == VALID && sensors.wrench_age_ticks <= parameters.wrench_age_ticks &&
+                       std::isfinite(f[0]);
+    if (state.task == Task::INSERTING && !known)
+        raise_condition(state, record, Condition::WRENCH_LOST, double(sensors.wrench_age_ticks),
+                        double(parameters.wrench_age_ticks));
+    if (known) {
+        const double force = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+        if (force > parameters.force_limit_n)
+            raise_condition(state, record, Condition::FORCE_LIMIT, force, parameters.force_limit_n);
+    }
+}
+
+void watch_inputs(const Parameters &parameters, State &state, const Sensors &sensors, Record &record) {
+    if (state.axes_silent_ticks > parameters.axes_age_ticks) {
+        raise_condition(state, record, Condition::AXES_LOST, double(state.axes_silent_ticks),
+                        double(parameters.axes_age_ticks));
+        state.homed = 0;
+    }
+    if (sensors.watchdog_tripped) raise_condition(state, record, Condition::WATCHDOG, NOT_KNOWN, NOT_KNOWN);
+    if (sensors.amplifier_fault) raise_condition(state, record, Condition::AMPLIFIER, NOT_KNOWN, NOT_KNOWN);
+    if (state.power_ticks > parameters.power_on_ticks && sensors.powered == 0)
+        raise_condition(state, record, Condition::POWER_LOST, double(state.power_ticks),
+                        double(parameters.power_on_ticks));
+    if (state.homed && record.kinematic_iterations < 0)
+        raise_condition(state, record, Condition::KINEMATICS, NOT_KNOWN, NOT_KNOWN);
+    const bool moving = state.motion != Motion::HOLD;
+    if (moving && state.array_loaded && state.task != Task::RETRACTING)
+        watch_force(parameters, state, sensors, record);
+    if (record.missed_ticks > parameters.overrun_ticks)
+        raise_condition(state, record, Condition::OVERRUN, double(record.missed_ticks),
+                        double(parameters.overrun_ticks));
+    const int64_t health = record.gateway_health;
+    if (health & GATEWAY_EXPECTED) {
+        if (!(health & ALIVE))
+            raise_condition(state, record, Condition::GATEWAY_LOST, NOT_KNOWN, NOT_KNOWN);
+        else if (!(health & LOG_WRITING))
+            raise_condition(state, record, Condition::LOG_FAILED, NOT_KNOWN, NOT_KNOWN);
+        if (health & OPERATOR_EXPECTED && !(health & OPERATOR_PRESENT))
+            raise_condition(state, record, Condition::OPERATOR_LOST, NOT_KNOWN, NOT_KNOWN);
+    }
+    const int64_t silent = record.tick - state.stream_tick;
+    if ((state.motion == Motion::SERVO_CP || state.motion == Motion::SERVO_CV) && silent > parameters.stream_ticks)
+        raise_condition(state, record, Condition::STREAM_SILENT, double(silent), double(parameters.stream_ticks));
+}
+
+void watch_outputs(const Parameters &parameters, State &state, Record &record) {
+    if (state.operating != Operating::ENABLED && state.operating != Operating::PAUSED) return;
+    for (int i = 0; i < AXES; ++i) {
+        if (!(std::isfinite(record.command_desired_v[i]) && std::isfinite(record.command_applied_v[i])))
+            raise_condition(state, record, Condition::NOT_FINITE, NOT_KNOWN, NOT_KNOWN);
+        const double error = std::fabs(state.last_error_rad[i]);
+        if (error > parameters.following_error_rad)
+            raise_condition(state, record, Condition::FOLLOWING_ERROR, error, parameters.following_error_rad);
+    }
+}
+
+}  // namespace
+}  // namespace conditions

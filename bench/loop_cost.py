@@ -1,0 +1,34 @@
+"""(b) The cost of a tick inside the real loop: a whole insertion at 1 kHz through the daemon, with plant and record."""
+
+import numpy as np
+
+from bench.figures import Figure, Target
+from bench.real_time import records_of
+from rtctl.lifecycle import Task
+from rtctl.settings import Settings
+from rtctl.workflow import insert_array
+
+PART = "loop"
+TARGET_US = Target(50.0)
+
+
+def measure(settings: Settings) -> list[Figure]:
+    """Percentiles of record.tick_ns: from the wake-up to the moment the record goes into the ring.
+
+    Raises:
+        RtctlError: the insertion did not come to its end.
+    """
+    records = records_of(settings, lambda operator: insert_array(operator, settings, operator.robot))
+    inserting = records[records["task_state"] == Task.INSERTING]
+    missed = int(records["missed_ticks"].sum())
+    figures = []
+    for name, rows in (("whole run", records), ("while inserting", inserting)):
+        cost_us = rows["tick_ns"] * 1e-3
+        note = f"{len(rows)} ticks" + (f", {missed} missed" if rows is records else "")
+        figures.append(Figure(PART, f"tick p50, {name}", "us", _percentile(cost_us, 50), target=TARGET_US, note=note))
+        figures.append(Figure(PART, f"tick p99.9, {name}", "us", _percentile(cost_us, 99.9)))
+    return figures
+
+
+def _percentile(values: np.ndarray, percent: float) -> float:
+    return float(np.percentile(values, percent))

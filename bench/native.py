@@ -1,0 +1,56 @@
+"""Compiles the tick in C++ with the compiler of the machine and calls it."""
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+from bench.layout import header
+from rtctl.controller import Controller
+
+SOURCE = Path(__file__).with_name("cpp") / "tick.cpp"
+FLAGS = ("-std=c++20", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-shared", "-fPIC")
+"""No contraction: the kernels round after every operation, too, so that the results can be compared to the bit."""
+
+
+def compiler() -> str | None:
+    """Path of the C++ compiler, None where there is none."""
+    return shutil.which("g++")
+
+
+def version() -> str:
+    """Of that compiler; empty without one."""
+    found = compiler()
+    command = [found or "", "-dumpfullversion"]
+    return subprocess.run(command, capture_output=True, text=True).stdout.strip() if found else ""
+
+
+class NativeTick:
+    """The tick in C++, compiled for the records of one controller.
+
+    Args:
+        controller: whose dtypes to compile for.
+        directory: where the header and the library go.
+
+    Raises:
+        subprocess.CalledProcessError: the C++ does not compile, as when a field it uses is gone.
+    """
+
+    def __init__(self, controller: Controller, directory: Path) -> None:
+        found = compiler()
+        assert found is not None
+        library = directory / "tick.so"
+        (directory / "layout.hpp").write_text(header(controller))
+        subprocess.run([found, *FLAGS, f"-I{directory}", str(SOURCE), "-o", str(library)], check=True)
+        self._drive = ctypes.CDLL(str(library)).drive
+        self._drive.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int64]
+        self._drive.restype = None
+
+    def drive(self, memory: np.ndarray, sensors: np.ndarray, actuators: np.ndarray, records: np.ndarray) -> None:
+        """The same as :func:`bench.recorded.drive`."""
+        for array in (memory, sensors, actuators, records):
+            assert array.flags.c_contiguous
+        addresses = (a.ctypes.data for a in (memory, sensors, actuators, records))
+        self._drive(*addresses, len(records))
