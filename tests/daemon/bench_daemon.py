@@ -11,6 +11,9 @@ from pathlib import Path
 from rtctl.client import Client, NoReply
 from rtctl.log.reader import Log, open_many
 
+PATIENT = ("backend.options.watchdog_ticks=2000", "safety.overrun_ticks=1500")
+"""A shared machine stalls as it likes; only the test that freezes the loop on purpose is about that."""
+
 SCRIPT = """
 import sys
 from pathlib import Path
@@ -32,7 +35,7 @@ class DaemonUnderTest:
         self.directory = directory
         self.name = name or f"test{os.getpid()}-{directory.name}"
         self.endpoint = free_endpoint()
-        arguments = [f"robot.name={self.name}", f"gateway.endpoint={self.endpoint}", *overrides]
+        arguments = [f"robot.name={self.name}", f"gateway.endpoint={self.endpoint}", *PATIENT, *overrides]
         self.process = subprocess.Popen(
             [sys.executable, "-c", SCRIPT, str(directory), *arguments],
             stdout=subprocess.PIPE,

@@ -109,7 +109,7 @@ def test_a_killed_gateway_pauses_the_motion_and_comes_back_without_losing_a_reco
 
 
 def test_a_frozen_loop_loses_power_by_the_watchdog_of_the_device(start):
-    daemon = start().wait_until_ready()
+    daemon = start("backend.options.watchdog_ticks=100").wait_until_ready()
     with daemon.client() as client:
         enable_and_move(client)
         victim = daemon.child("rtctl.realtime")

@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 
-from bench_daemon import free_endpoint
+from bench_daemon import PATIENT, free_endpoint
 
 from rtctl import replay
 from rtctl.log.reader import Log
@@ -19,6 +19,7 @@ def test_a_demo_leaves_a_whole_insertion_with_its_report(tmp_path):
         f"gateway.endpoint={free_endpoint()}",
         "workflow.depth_mm=5.0",
         "workflow.hold_s=0.2",
+        *PATIENT,
     )
     for assignment in overrides:
         command += ["--set", assignment]
