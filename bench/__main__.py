@@ -18,20 +18,21 @@ from hal.errors import RtctlError
 from rtctl.settings import load
 
 PARTS = ("tick", "loop", "wake-up", "lockstep", "exchange")
+FAILED = "failed"
 SEED = 1
 WIDTH = 170
 """Of the table when it goes into a file or a pipe [characters]."""
 
 
 def main() -> int:
-    """Run the parts asked for; 0 if all is well, 1 if a target is missed, else the exit code of the error."""
+    """Run the parts asked for; 0 if all is well, 1 if a target is missed or a part failed, else the error's code."""
     arguments = _arguments()
     console = Console(stderr=True)
     try:
         figures = []
         for name, part in _parts(arguments):
             with console.status(f"{name} ..."):
-                figures += part()
+                figures += _attempted(name, part)
     except RtctlError as error:
         print(f"bench: {error}", file=sys.stderr)
         return error.exit_code
@@ -39,7 +40,15 @@ def main() -> int:
     if arguments.json is not None:
         document = {"machine": _machine(), "figures": [figure.as_table() for figure in figures]}
         arguments.json.write_text(json.dumps(document, indent=1) + "\n")
-    return int(any(figure.met is False for figure in figures))
+    return int(any(figure.met is False or figure.name == FAILED for figure in figures))
+
+
+def _attempted(name: str, part: Callable[[], list[Figure]]) -> list[Figure]:
+    """Figures of a part; if it fails, why, so that the other parts are not lost."""
+    try:
+        return part()
+    except RtctlError as error:
+        return [Figure(name, FAILED, "", None, note=str(error))]
 
 
 def _arguments() -> argparse.Namespace:

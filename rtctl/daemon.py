@@ -88,6 +88,7 @@ class Daemon:
     def _start_gateway(self) -> None:
         self.gateway = self._start("rtctl.gateway")
         self.gateway_starts.append(time.monotonic())
+        put(self.control, Word.GATEWAY_PID, self.gateway.pid)
 
     def _wait_until_ready(self) -> None:
         """Wait for the loop, then for the gateway's first heartbeats."""

@@ -25,7 +25,7 @@ from rtctl.recording import Recording
 from rtctl.settings import Settings, public_table
 from rtctl.workflow import Cause, Predicate, Progress, conditions_of, insert_array
 
-GLANCE_TICKS = 20
+GLANCE_TICKS = 50
 """How often the script looks at the records; part of the experiment, so it must not depend on the machine."""
 LAST_TICKS = 300
 """Ticks to come to rest at the end, and as many without power after it."""

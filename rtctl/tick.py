@@ -50,8 +50,12 @@ def step_arrays(memory, sensors, actuators, record):
 
 @kernel
 def begin(memory, sensors, record):
-    """Copy what came in, so that the record can be replayed; bridge a short silence with the last valid angles."""
+    """Copy what came in, so that the record can be replayed; bridge a short silence with the last valid angles.
+
+    A motion stands still over ticks that were missed: it goes on from where it was, later, and never jumps ahead.
+    """
     command, state = memory.command, memory.state
+    memory.profile.start_tick += record.missed_ticks
     valid = sensors.axes_validity == VALID
     state.axes_silent_ticks = sensors.axes_age_ticks if valid else state.axes_silent_ticks + 1
     for i in range(sensors.axis_angle_rad.shape[0]):

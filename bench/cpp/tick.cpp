@@ -22,6 +22,7 @@ namespace {
 void begin(Memory &memory, const Sensors &sensors, Record &record) {
     const Command &command = memory.command;
     State &state = memory.state;
+    memory.profile.start_tick += record.missed_ticks;
     const bool valid = sensors.axes_validity == VALID;
     state.axes_silent_ticks = valid ? sensors.axes_age_ticks : state.axes_silent_ticks + 1;
     for (int i = 0; i < AXES; ++i) {

@@ -247,6 +247,20 @@ def test_missed_ticks_pause_beyond_their_limit(moving):
     assert (record["operating_state"], record["condition_value"]) == (Operating.PAUSED, limit + 1)
 
 
+def test_a_motion_goes_on_from_where_it_was_after_missed_ticks(moving):
+    first, second = moving.step(), moving.step()
+    moving.tick, moving.missed = moving.tick + 30, 30
+    third = moving.step()
+    moving.missed = 0
+    usual = second["pose_desired"] - first["pose_desired"]
+    assert third["pose_desired"] - second["pose_desired"] == pytest.approx(usual, rel=0.05)
+    assert not active(third)
+    for _ in range(4000):
+        last = moving.step()
+    assert not last["is_busy"]
+    assert last["pose_desired"] == pytest.approx([168.0, -2.0, 0.05])
+
+
 def test_a_motion_asked_for_in_the_tick_that_pauses_does_not_begin(bed):
     bed.health = GATEWAY
     assert bed.ask(Verb.MOVE_CP, 165.0, 0.0, 0.0) is Reason.STILL_PRESENT
