@@ -38,7 +38,7 @@ class Controller:
         for name in ("pose", "pose_goal", "pose_entry", "reference", "joint_reference", "angle_rad"):
             state[name] = np.nan
         state["setpoint"][:dof] = np.nan
-        state["reported"] = state["fault_cause"] = state["stop_cause"] = -1
+        state["fault_cause"] = state["stop_cause"] = -1
 
     @property
     def command(self) -> np.ndarray:

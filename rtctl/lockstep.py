@@ -66,7 +66,7 @@ class Lockstep:
         if compiled is None or truth is None:
             raise BackendError("this backend cannot run in lockstep", value=settings.backend.name, remedy="use a simulation")  # fmt: skip
         self.device: CompiledDevice = compiled
-        self.truth_signals, self.truth = truth
+        self.truth = truth[1]
         self.period_ns = round(period * 1e9)
         self.sink = sink
         self.tick = 0

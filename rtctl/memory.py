@@ -117,7 +117,6 @@ def state_dtype(dof: int) -> np.dtype:
             ("unbiased", "i8"),
             ("active", "i8"),
             ("latched", "i8"),
-            ("reported", "i8"),
             ("fault_cause", "i8"),
             ("stop_cause", "i8"),
             ("power_ticks", "i8"),

@@ -178,11 +178,6 @@ def write(summary: dict[str, Any], directory: Path) -> Path:
     return path
 
 
-def is_good(summary: dict[str, Any]) -> bool:
-    """The insertion reached its depth without a fault, and nothing was lost."""
-    return summary["outcome"] == "completed" and summary["lost_records"] == 0 and summary["log_complete"]
-
-
 def _path_error(pose: np.ndarray, reference: np.ndarray, lengths: int) -> float:
     squares = ((pose - reference)[:, :lengths] ** 2).sum(axis=1)
     return math.sqrt(_mean(_finite(squares)))

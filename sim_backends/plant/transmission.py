@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from hal.kernel import kernel
+from rtctl.robots.planar_3rpr_statics import segment_tensions
 
 LEG = np.dtype(
     [
@@ -29,8 +30,8 @@ LEG = np.dtype(
 @kernel
 def pull(leg, stretch_mm):
     """Net force T(delta) [N] of the two segments; a segment goes slack instead of pushing."""
-    leg.near_n = max(0.0, leg.pretension_n + leg.near_n_per_mm * stretch_mm)
-    leg.far_n = max(0.0, leg.pretension_n - leg.far_n_per_mm * stretch_mm)
+    k1, k2, t = leg.near_n_per_mm, leg.far_n_per_mm, leg.pretension_n
+    leg.near_n, leg.far_n, _ = segment_tensions(stretch_mm, t, k1, k2)
     return leg.near_n - leg.far_n
 
 

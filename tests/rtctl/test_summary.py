@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from rtctl import summary
+from rtctl.cli.exit_codes import Exit
+from rtctl.cli.outcome import exit_code
 from rtctl.lifecycle import Condition, Motion, Operating, Task
 from rtctl.record import controller_table
 from rtctl.recording import Recording
@@ -188,4 +190,4 @@ def test_file_is_plain_json(tmp_path):
 )
 def test_good_is_complete_and_nothing_lost(changes, good):
     rows = changes.pop("records", made_up())
-    assert summary.is_good(summarise(recording(rows, **changes))) is good
+    assert (exit_code(summarise(recording(rows, **changes))) is Exit.OK) is good
