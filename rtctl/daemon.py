@@ -101,7 +101,8 @@ class Daemon:
         if self.with_gateway:
             self._start_gateway()
             while get(self.control, Word.GATEWAY_HEARTBEAT) == 0:
-                if self.gateway is None or self.gateway.poll() is not None or self.stopping_since is not None:
+                self._keep_gateway()
+                if self.real_time.poll() is not None or self.stopping_since is not None:
                     return
                 self._within(limit, "the gateway did not get ready")
             put(self.control, Word.GATEWAY_EXPECTED, 1)  # from here on its silence is a condition
@@ -123,19 +124,19 @@ class Daemon:
             if tick != last_tick:
                 last_tick, last_progress = tick, now
                 self.notifier.notify("WATCHDOG=1")
-            if self.gateway is not None and self.gateway.poll() is not None and self.stopping_since is None:
-                self._restart_gateway()
+            self._keep_gateway()
             if self.stopping_since is not None and now - max(self.stopping_since, last_progress) > STOP_LIMIT_S:
                 self.real_time.kill()  # stuck: the watchdog of the device has removed power long ago
             time.sleep(0.05)
 
-    def _restart_gateway(self) -> None:
-        assert self.gateway is not None
+    def _keep_gateway(self) -> None:
+        """Start a dead gateway again, unless the daemon is ending or it dies too often."""
+        if self.gateway is None or self.gateway.poll() is None or self.stopping_since is not None:
+            return
         recent = [t for t in self.gateway_starts if time.monotonic() - t < 60.0]
         print(f"rtctl: the gateway ended with {self.gateway.returncode}", file=sys.stderr, flush=True)
         if len(recent) > GATEWAY_RESTARTS:
             print("rtctl: it ends too often; the robot holds, and the daemon stops", file=sys.stderr, flush=True)
-            self.gateway = None
             self.stop()
             return
         self._start_gateway()

@@ -182,20 +182,14 @@ def _begin_motion(memory, record):
     command, state = memory.command, memory.state
     verb = command.verb
     if verb == Verb.RESUME:
-        verb = (
-            Verb.INSERT
-            if state.paused_motion == Motion.INSERT
-            else Verb.RETRACT
-            if state.paused_motion == Motion.RETRACT
-            else 0
-        )
+        paused = state.paused_motion
         state.paused_motion = Motion.HOLD
-        if verb == 0:
+        if paused == Motion.HOLD:
             return
-    else:
-        if verb == Verb.INSERT or verb == Verb.RETRACT:
-            state.depth_goal_mm = command.argument[0]
-            state.depth_speed_mm_per_s = command.argument[1]
+        verb = (Verb.INSERT if paused == Motion.INSERT else Verb.RETRACT) + 0
+    elif verb == Verb.INSERT or verb == Verb.RETRACT:
+        state.depth_goal_mm = command.argument[0]
+        state.depth_speed_mm_per_s = command.argument[1]
     state.stop_cause = -1
     state.stream_tick = record.tick
     if verb == Verb.INSERT or verb == Verb.RETRACT:

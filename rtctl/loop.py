@@ -136,8 +136,8 @@ def cruise(
 ):
     """Up to `ticks` ticks without the interpreter, as long as nobody wants anything; see :meth:`Loop.cycle`.
 
-    Returns how many ticks are left: 0, unless somebody wants something. A command that comes while a tick is awaited stays in the mailbox for the next one. A kernel once
-    :class:`Loop` has compiled it for a device of kernels.
+    Returns how many ticks are left: 0, unless somebody wants something. A command that comes while a tick is awaited
+    stays in the mailbox for the next one. A kernel once :class:`Loop` has compiled it for a device of kernels.
     """
     while ticks > 0 and is_empty(mailbox) and not must_end(control):
         clocks.wait(clock[0], record[0])

@@ -44,7 +44,8 @@ def run(arguments: argparse.Namespace) -> int:
     settings = read_settings(arguments.settings_fd)
     choice = settings.backend
     backend = load(choice.name, choice.options, period_s=settings.loop.period_s, seed=arguments.seed)
-    segment = Segment.attach(arguments.memory_fd, layout(Controller(settings), backend))
+    controller = Controller(settings)
+    segment = Segment.attach(arguments.memory_fd, layout(controller, backend))
     control = segment.control
     put(control, Word.REAL_TIME_PID, os.getpid())
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -55,7 +56,6 @@ def run(arguments: argparse.Namespace) -> int:
         machine = Machine(settings.loop)
         grade = machine.grade()
         may_arm = backend.simulated or grade == Grade.RT or settings.loop.allow_best_effort
-        controller = Controller(settings)
         backend.read(0, controller.sensors)  # the first call of a device may be slow
         backend.write(0, controller.actuators)
         loop = Loop(controller, backend, segment, settings.safety.heartbeat_ticks, may_arm)

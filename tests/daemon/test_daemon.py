@@ -108,6 +108,18 @@ def test_a_killed_gateway_pauses_the_motion_and_comes_back_without_losing_a_reco
     assert len(lost) <= 1, "only where the killed gateway had not yet written its chunk"
 
 
+def test_a_gateway_that_dies_too_often_ends_the_daemon_safely_and_not_as_a_success(start):
+    daemon = start().wait_until_ready()
+    while daemon.process.poll() is None:
+        victim = daemon.child("rtctl.gateway")
+        if victim > 0:
+            os.kill(victim, signal.SIGKILL)
+        time.sleep(0.3)
+    assert daemon.wait() != 0
+    assert "too often" in daemon.output
+    assert "died" not in daemon.output, "the loop ended in its safe state"
+
+
 def test_a_frozen_loop_loses_power_by_the_watchdog_of_the_device(start):
     daemon = start("backend.options.watchdog_ticks=100").wait_until_ready()
     with daemon.client() as client:
