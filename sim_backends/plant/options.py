@@ -119,7 +119,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Anatomy:
-    """Where the cochlea really is, and what it is like to touch."""
+    """Where the cochlea really is, and how large."""
 
     entry_in_base_mm: tuple[float, ...] = option(
         (172.6, 4.7), shape=(2,), low=-1000, high=1000, unit="mm", doc="centre of the cochleostomy in {B}"
@@ -127,40 +127,118 @@ class Anatomy:
     insertion_angle_rad: float = option(
         0.224, low=-3.2, high=3.2, unit="rad", doc="bearing of the straight part of the insertion path in {B}"
     )
-    hole_radius_mm: float = option(0.67, low=0.3, high=3.0, unit="mm", doc="of the cochleostomy")
-    wall_stiffness_n_per_mm: float = option(
-        3.0, low=0.01, high=100.0, unit="N/mm", doc="of wall, lip and bone face under one node"
+    out_of_plane_mm: float = option(
+        0.0, low=-3.0, high=3.0, unit="mm", doc="height of the cochlea's plane above the robot's, along z of {B}"
     )
-    friction: float = option(0.15, low=0.0, high=1.0, doc="Coulomb coefficient between array and tissue")
-    friction_travel_mm: float = option(
-        0.1, low=0.005, high=2.0, unit="mm", doc="tissue and array give so far before they slide on each other"
+    spiral_a_mm: float = option(
+        3.84, low=3.2, high=4.6, unit="mm", doc="A of the template: walls, widths and heights grow with it"
     )
-    floor_drag_n_per_mm: float = option(
-        0.01, low=0.0, high=0.1, unit="N/mm", doc="friction of floor and roof of the scala per inserted length"
+    hole_radius_mm: float = option(0.67, low=0.4, high=3.0, unit="mm", doc="of the cochleostomy")
+    lip_radius_mm: float = option(0.15, low=0.02, high=0.5, unit="mm", doc="its rim is rounded so far")
+    recess_angle_rad: float = option(
+        0.1745, low=0.05, high=1.5, unit="rad", doc="half angle of the access through the facial recess, at the entry"
+    )
+    recess_clearance_mm: float = option(
+        2.0, low=0.3, high=10.0, unit="mm", doc="half width of the facial recess, which is where the cone is as wide"
     )
 
 
 @dataclass(frozen=True)
-class Array:
-    """The electrode array the assistant loads."""
+class Phantom:
+    """A specimen of teflon and acrylic: what the array rubs on, and how much such specimens differ."""
 
-    number: int = option(1, low=1, high=7, doc="which synthetic array it is (02 section 2); the planner assumes 1")
-    curvature_error: float = option(0.03, low=-0.5, high=0.5, doc="share by which it curls more than that array")
+    wall_stiffness_n_per_mm2: float = option(
+        3.9, low=0.2, high=50.0, unit="N/mm^2", doc="of wall, lip and bone per length of array: silicone indents"
+    )
+    friction: float = option(0.42, low=0.0, high=1.0, doc="kinetic Coulomb coefficient between array and specimen")
+    friction_static: float = option(0.46, low=0.0, high=1.2, doc="the same at rest, at least the kinetic one")
+    stribeck_mm_per_s: float = option(
+        0.25, low=0.01, high=5.0, unit="mm/s", doc="speed at which friction has fallen most of the way to kinetic"
+    )
+    viscous_n_s_per_mm2: float = option(
+        0.0, low=0.0, high=0.1, unit="N s/mm^2", doc="drag of the lubricant per inserted length and speed"
+    )
+    floor_load_n_per_mm: float = option(
+        0.01, low=0.0, high=0.2, unit="N/mm", doc="how hard floor and lid press on an inserted length; it only rubs"
+    )
+    lateral_sd_mm: float = option(0.12, low=0.0, high=2.0, unit="mm", doc="scatter of the registered entry, in plane")
+    out_of_plane_sd_mm: float = option(0.2, low=0.0, high=2.0, unit="mm", doc="the same across the plane")
+    angle_sd_rad: float = option(0.035, low=0.0, high=0.3, unit="rad", doc="scatter of the registered direction")
+    stylet_sd_mm: float = option(0.06, low=0.0, high=2.0, unit="mm", doc="scatter of where the hook takes the stylet")
+    stylet_late_mm: float = option(
+        0.0, low=-2.0, high=3.0, unit="mm", doc="how much later than planned the stylet starts, on average"
+    )
+    curvature_sd: float = option(0.03, low=0.0, high=0.2, doc="scatter of the arrays' curvature, as a share")
+    friction_sd: float = option(0.1, low=0.0, high=0.5, doc="scatter of friction and floor load, as a share")
+
+
+@dataclass(frozen=True)
+class Bone(Phantom):
+    """A cadaveric temporal bone: no view inside, so it is registered worse, and the stylet starts late."""
+
+    wall_stiffness_n_per_mm2: float = option(
+        3.9, low=0.2, high=50.0, unit="N/mm^2", doc="of wall, lip and bone per length of array: silicone indents"
+    )
+    lateral_sd_mm: float = option(0.2, low=0.0, high=2.0, unit="mm", doc="scatter of the registered entry, in plane")
+    out_of_plane_sd_mm: float = option(0.3, low=0.0, high=2.0, unit="mm", doc="the same across the plane")
+    angle_sd_rad: float = option(0.06, low=0.0, high=0.3, unit="rad", doc="scatter of the registered direction")
+    stylet_sd_mm: float = option(0.5, low=0.0, high=2.0, unit="mm", doc="scatter of where the hook takes the stylet")
+    stylet_late_mm: float = option(
+        0.5, low=-2.0, high=3.0, unit="mm", doc="how much later than planned the stylet starts, on average"
+    )
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What differs from one insertion to the next."""
+
+    specimen: str = option("phantom", choices=("phantom", "bone"), doc="which of the two tables holds")
+    side: str = option(
+        "right", choices=("right", "left"), doc="ear; for a left one the robot is mounted turned over, so {B} sees weight"
+    )
+    lateral_mm: float = option(
+        0.0, low=-3.0, high=3.0, unit="mm", doc="the entry lies so far left of where `anatomy` has it, across the axis"
+    )
+    out_of_plane_mm: float = option(0.0, low=-3.0, high=3.0, unit="mm", doc="the same across the plane")
+    angle_rad: float = option(0.0, low=-0.3, high=0.3, unit="rad", doc="and the cochlea is turned so far about its entry")
+    scatter: bool = option(False, doc="add to all of it what the specimen's table says, drawn from the seed")
+
+
+@dataclass(frozen=True)
+class Array:
+    """The electrode array the assistant loads: a rod with a stylet in it (08 section 3)."""
+
+    length_mm: float = option(18.0, low=15.5, high=18.0, unit="mm", doc="from the grip to the tip")
+    segments: int = option(48, low=20, high=80, doc="edges of the rod")
+    bending_tip_nmm2: float = option(
+        0.15, low=0.02, high=0.3, unit="N mm^2", doc="bending stiffness at the tip without stylet"
+    )
+    bending_base_nmm2: float = option(
+        1.0, low=0.3, high=2.0, unit="N mm^2", doc="the same 15 mm behind the tip, linear between them"
+    )
+    stylet_bending_nmm2: float = option(4.2, low=1.0, high=8.0, unit="N mm^2", doc="bending stiffness of the stylet")
+    curvature_tip_per_mm: float = option(1.0, low=0.5, high=1.3, unit="1/mm", doc="of the released array, at its tip")
+    curvature_base_per_mm: float = option(
+        0.05, low=0.0, high=0.2, unit="1/mm", doc="the same 15 mm behind the tip, quadratic between them as in 02"
+    )
+    curvature_error: float = option(0.0, low=-0.5, high=0.5, doc="share by which this array curls more than the mean")
     grip_angle_rad: float = option(0.01, low=-0.3, high=0.3, unit="rad", doc="angle at which the assistant grips it")
-    shaft_bending_nmm2: float = option(
-        3.0, low=0.05, high=50.0, unit="N mm^2", doc="bending stiffness between gripper and entry, stylet inside"
+    axial_stiffness_n: float = option(150.0, low=80.0, high=500.0, unit="N", doc="EA")
+    tip_diameter_mm: float = option(0.5, low=0.2, high=1.0, unit="mm", doc="of the array at its tip")
+    base_diameter_mm: float = option(0.8, low=0.2, high=1.2, unit="mm", doc="15 mm behind it, linear between them")
+    soft_tip_mm: float = option(0.5, low=0.0, high=3.0, unit="mm", doc="s_e: the stylet ends so far before the tip")
+    stylet_blend_mm: float = option(1.0, low=0.5, high=3.0, unit="mm", doc="over which the stylet's end lets go")
+    stylet_offset_mm: float = option(
+        0.0, low=-3.0, high=3.0, unit="mm", doc="the stylet was pulled so far while loading; negative: it is hooked late"
     )
-    tip_stiffness_n_per_mm: float = option(
-        0.015, low=1e-4, high=1.0, unit="N/mm", doc="resistance of one node at the tip against being bent aside"
+    relaxation_s: float = option(0.02, low=0.0, high=0.5, unit="s", doc="Kelvin-Voigt time of bending")
+    drag_n_s_per_mm: float = option(1e-5, low=1e-7, high=1e-2, unit="N s/mm", doc="of a node in the fluid")
+    stylet_yield_per_mm: float = option(
+        0.2, low=0.02, high=5.0, unit="1/mm", doc="bent further from its shape, the stylet stays bent"
     )
-    base_stiffness_n_per_mm: float = option(
-        0.05, low=1e-4, high=1.0, unit="N/mm", doc="the same for the node at the gripper, linear between them"
+    array_yield_per_mm: float = option(
+        2.0, low=0.2, high=20.0, unit="1/mm", doc="bent further from its rest curvature, the array stays bent"
     )
-    yield_mm: float = option(
-        1.5, low=0.05, high=20.0, unit="mm", doc="deflection at which a node's resistance has fallen to a half"
-    )
-    tip_radius_mm: float = option(0.25, low=0.05, high=1.0, unit="mm", doc="radius of the array at its tip")
-    base_radius_mm: float = option(0.40, low=0.05, high=1.0, unit="mm", doc="and at the gripper, linear between them")
 
 
 @dataclass(frozen=True)
@@ -185,6 +263,9 @@ class PlantOptions:
     stylet: StyletDrive
     sensor: Sensor
     anatomy: Anatomy
+    phantom: Phantom
+    bone: Bone
+    trial: Trial
     array: Array
     inject: Inject
     start_pose_mm_rad: tuple[float, ...] = option(
