@@ -2,8 +2,9 @@
 
 from hal.kernel import kernel
 from rtctl.robots.planar_3rpr import forward, wire_jacobian
-from sim_backends.plant.contact import array_wrench, lift
 from sim_backends.plant.motors import amplify, turn
+from sim_backends.plant.rod.step import advance as step_array
+from sim_backends.plant.rod.step import lift
 from sim_backends.plant.sensor import bear, follow, settle
 from sim_backends.plant.state import AXES, LEGS, STYLET
 from sim_backends.plant.transmission import drag_piston
@@ -68,13 +69,15 @@ def _drive(device, jammed):
 @kernel
 def _touch(device):
     """Stylet, array and anatomy, and what they put on the wires in the next tick."""
-    wrench = device.wrench
+    array, wrench = device.array, device.wrench
     if device.array_loaded:
         device.stylet_mm = max(device.stylet_mm, _withdrawn(device))
-        array_wrench(device.array, device.anatomy, device.pose, device.stylet_mm, wrench)
-    else:
-        wrench[0] = wrench[1] = wrench[2] = 0.0
-    if device.array.contacts > 0 or device.array.in_hole:
+        if not step_array(array, device.scala, device.pose, device.stylet_mm, device.period_s):
+            device.failed = 1
+            cut_power(device)
+    for k in range(3):
+        wrench[k] = array.wrench[k]
+    if device.array_loaded:
         _load_wires(device)
     else:
         device.load_n[0] = device.load_n[1] = device.load_n[2] = device.load_gain = 0.0
@@ -100,9 +103,10 @@ def _load_wires(device):
 
 @kernel
 def _withdrawn(device):
-    """Stylet withdrawal [mm] the rod stands for."""
+    """Stylet withdrawal [mm] the rod stands for, with what went wrong while it was hooked."""
     motor = device.motor[STYLET]
-    return min(max(motor.lead_mm_per_rad * motor.angle_rad, 0.0), STYLET_MAX_MM)
+    pulled = motor.lead_mm_per_rad * motor.angle_rad + device.array.stylet_offset_mm
+    return min(max(pulled, 0.0), STYLET_MAX_MM)
 
 
 @kernel

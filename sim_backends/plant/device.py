@@ -8,10 +8,10 @@ from numba import types
 from hal.frames import INVALID, SATURATED, VALID, actuator_frame, sensor_frame
 from hal.kernel import kernel
 from sim_backends.plant.bench import advance, clear_command, cut_power, load_array, start
-from sim_backends.plant.contact import NODES
 from sim_backends.plant.motors import encoder_angle
+from sim_backends.plant.scala import LEFT_LIP, LEFT_RECESS, RIGHT_LIP, RIGHT_RECESS
 from sim_backends.plant.sensor import sample
-from sim_backends.plant.state import AXES, DEVICE, STYLET
+from sim_backends.plant.state import AXES, DEVICE, SHOWN, STYLET
 
 REST_TICKS = 100
 """After so many ticks without power and motion the filters have settled too: time may be skipped."""
@@ -28,7 +28,7 @@ WRITE_ARRAYS = types.int64(_DEVICE[::1], types.int64, _ACTUATORS[::1])
 
 @kernel
 def _sample_axes(device, sensors):
-    fresh = device.opened and device.tick - device.start_tick < device.axes_silent_ticks
+    fresh = device.opened and not device.failed and device.tick - device.start_tick < device.axes_silent_ticks
     if fresh and device.tick > device.axes_tick:
         device.axes_tick = device.tick
         device.axes_sequence += 1
@@ -42,7 +42,7 @@ def _sample_axes(device, sensors):
 @kernel
 def _sample_wrench(device, sensors):
     since = device.tick - device.start_tick
-    fresh = device.opened and since < device.wrench_silent_ticks
+    fresh = device.opened and not device.failed and since < device.wrench_silent_ticks
     if fresh and device.tick > device.wrench_tick:
         device.wrench_tick = device.tick
         device.wrench_sequence += 1
@@ -71,20 +71,49 @@ def _tell_truth(device):
     for i in range(AXES):
         truth.motor_rate_rad_per_s[i] = device.motor[i].rate_rad_per_s
         truth.motor_current_a[i] = device.motor[i].current_a
-    for i in range(NODES):
-        for k in range(2):
-            truth.array_node_in_base_mm[2 * i + k] = array.node_mm[i, k] if array.placed else math.nan
-    for k in range(2):
-        truth.array_tip_in_base_mm[k] = truth.array_node_in_base_mm[2 * NODES - 2 + k]
+    _show_array(array, truth)
+    truth.lift_on_gripper_n = array.lift_n
     truth.array_depth_mm = array.depth_mm
+    truth.modiolar_wall_n, truth.lateral_wall_n, truth.face_n = array.modiolar_n, array.lateral_n, array.face_n
+    truth.lips_n = array.post_press_n[LEFT_LIP] + array.post_press_n[RIGHT_LIP]
+    truth.recess_n = array.post_press_n[LEFT_RECESS] + array.post_press_n[RIGHT_RECESS]
+    truth.permanent_curvature_per_mm = array.set_per_mm
     truth.stylet_mm = device.stylet_mm
     truth.stylet_rod_mm = device.motor[STYLET].lead_mm_per_rad * device.motor[STYLET].angle_rad
-    truth.contacts = array.contacts
+    truth.rod_retries, truth.rod_iterations = array.retries, array.iterations
     truth.array_loaded = device.array_loaded
-    truth.in_hole = array.in_hole
-    truth.wall_contact = array.wall_contact
-    truth.lip_contact = array.lip_contact
-    truth.face_contact = array.face_contact
+    truth.inside = array.inside_from <= array.segments
+    truth.folded = array.folded
+    truth.buckled = array.buckled
+    truth.failed = device.failed
+
+
+@kernel
+def _show_array(array, truth):
+    """Shape and contact forces at SHOWN points of equal arc length; forces go to the points on either side of a node."""
+    shape, force = truth.array_node_in_base_mm, truth.contact_force_in_base_n
+    if not array.placed:
+        for k in range(2 * SHOWN):
+            shape[k], force[k] = math.nan, 0.0
+        truth.array_tip_in_base_mm[0] = truth.array_tip_in_base_mm[1] = math.nan
+        return
+    n = array.segments
+    step = (n - 0.5) / (SHOWN - 1)  # edges from point to point
+    for k in range(SHOWN):
+        place = 0.5 + step * k
+        i = min(int(place), n - 1)
+        t = place - i
+        for c in range(2):
+            shape[2 * k + c] = (1.0 - t) * array.node_mm[i, c] + t * array.node_mm[i + 1, c]
+            force[2 * k + c] = 0.0
+    for i in range(1, n + 1):
+        place = (i - 0.5) / step
+        k = min(int(place), SHOWN - 2)
+        t = place - k
+        for c in range(2):
+            force[2 * k + c] += (1.0 - t) * array.force_n[i, c]
+            force[2 * k + 2 + c] += t * array.force_n[i, c]
+    truth.array_tip_in_base_mm[0], truth.array_tip_in_base_mm[1] = array.node_mm[n, 0], array.node_mm[n, 1]
 
 
 @kernel(signature=READ)
@@ -94,7 +123,7 @@ def read(device, tick, sensors):
         if not device.started:
             start(device, tick)
         while device.tick < tick:
-            if device.rest_ticks >= REST_TICKS and not device.powered:
+            if device.failed or (device.rest_ticks >= REST_TICKS and not device.powered):
                 device.tick = tick
             else:
                 advance(device)
@@ -121,7 +150,7 @@ def write(device, tick, actuators):
         cut_power(device)
     elif not finite:
         clear_command(device)
-    elif not (device.tripped or device.amplifier_fault):
+    elif not (device.tripped or device.amplifier_fault or device.failed):
         device.powered = 1
         device.write_tick = tick
         for i in range(AXES):

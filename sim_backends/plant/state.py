@@ -8,36 +8,48 @@ from hal.options import table_of
 from hal.signals import TICK, TIME, Signal, Table
 from rtctl import robots
 from rtctl.robots.planar_3rpr import PLANAR_3RPR
-from sim_backends.plant import anatomy, contact
-from sim_backends.plant.anatomy import ANATOMY
-from sim_backends.plant.contact import ARRAY, NODES
+from sim_backends.plant import scala
 from sim_backends.plant.motors import MOTOR
 from sim_backends.plant.options import Motor, PlantOptions, Sensor, StyletDrive
+from sim_backends.plant.rod import state as rod
+from sim_backends.plant.rod.state import ROD
+from sim_backends.plant.scala import SCALA
 from sim_backends.plant.sensor import SENSOR
 from sim_backends.plant.transmission import LEG
 
 LEGS, AXES, STYLET = 3, 4, 3
 NEVER_TICKS = 2**62
+SHOWN = 31
+"""Points at which the truth tells the array's shape, from the grip to the tip at equal arc lengths."""
 
 SIGNALS = (
     TIME,
     TICK,
     Signal("pose_gripper_in_base", "f8", (3,), "mm, mm, rad", "true gripper pose", "B"),
     Signal("wrench_on_gripper_in_base", "f8", (3,), "N, N, N mm", "f_x, f_y, m_z of the array on the gripper tip", "B"),
+    Signal("lift_on_gripper_n", "f8", (), "N", "out of the plane, f_z of the array on the gripper tip", "B"),
     Signal("array_tip_in_base_mm", "f8", (2,), "mm", "true tip of the array; NaN without one", "B"),
-    Signal("array_node_in_base_mm", "f8", (2 * NODES,), "mm", "x, y of nodes, gripper to tip; NaN without array", "B"),
+    Signal("array_node_in_base_mm", "f8", (2 * SHOWN,), "mm", "x, y of points, gripper to tip; NaN without array", "B"),
+    Signal("contact_force_in_base_n", "f8", (2 * SHOWN,), "N", "x, y of everything that touches it, at those points", "B"),
     Signal("array_depth_mm", "f8", (), "mm", "length of the array beyond the entry"),
+    Signal("modiolar_wall_n", "f8", (), "N", "sum of normal forces of the modiolar wall"),
+    Signal("lateral_wall_n", "f8", (), "N", "sum of normal forces of the lateral wall"),
+    Signal("lips_n", "f8", (), "N", "normal forces of the lips of the entry"),
+    Signal("recess_n", "f8", (), "N", "normal forces of the facial recess on the shaft"),
+    Signal("face_n", "f8", (), "N", "normal forces of the bone beside the entry"),
+    Signal("permanent_curvature_per_mm", "f8", (), "1/mm", "largest set that stylet or array have taken"),
     Signal("stylet_mm", "f8", (), "mm", "true withdrawal of the stylet, which never goes back"),
     Signal("stylet_rod_mm", "f8", (), "mm", "rod position from its retracted stop"),
     Signal("motor_rate_rad_per_s", "f8", (AXES,), "rad/s", "true motor speeds"),
     Signal("motor_current_a", "f8", (AXES,), "A", "amplifier currents"),
     Signal("wire_tension_n", "f8", (2 * LEGS,), "N", "near and far wire segment of every leg"),
-    Signal("contacts", "i4", (), "", "array nodes that touch tissue"),
+    Signal("rod_retries", "i8", (), "", "steps so far that had to be cut up to converge"),
+    Signal("rod_iterations", "i4", (), "", "Newton steps the array took in this tick"),
     Signal("array_loaded", "u1", (), "", "an array is in the gripper"),
-    Signal("in_hole", "u1", (), "", "the array has found the entry"),
-    Signal("wall_contact", "u1", (), "", "the array touches a wall of the scala"),
-    Signal("lip_contact", "u1", (), "", "the array touches a lip of the entry"),
-    Signal("face_contact", "u1", (), "", "the array has missed the entry and presses on bone"),
+    Signal("inside", "u1", (), "", "the array has found the entry"),
+    Signal("folded", "u1", (), "", "the tip points backwards in the scala"),
+    Signal("buckled", "u1", (), "", "the array stays bent outside the entry"),
+    Signal("failed", "u1", (), "", "the simulation of the array did not converge; it stands still"),
 )  # fmt: skip
 TABLE = Table("Truth", SIGNALS)
 TRUTH = TABLE.dtype
@@ -77,8 +89,8 @@ DEVICE = np.dtype(
         ("motor", MOTOR, (AXES,)),
         ("leg", LEG, (LEGS,)),
         ("sensor", SENSOR),
-        ("anatomy", ANATOMY),
-        ("array", ARRAY),
+        ("scala", SCALA),
+        ("array", ROD),
         ("truth", TRUTH),
         # flags
         ("opened", "u1"),
@@ -87,6 +99,7 @@ DEVICE = np.dtype(
         ("tripped", "u1"),
         ("amplifier_fault", "u1"),
         ("array_loaded", "u1"),
+        ("failed", "u1"),
     ],
     align=True,
 )
@@ -105,8 +118,8 @@ def pack(options: PlantOptions, period_s: float, seed: int) -> np.ndarray:
     _pack_robot(options, d)
     _pack_stylet(options.stylet, d["motor"][STYLET])
     _pack_sensor(options.sensor, period_s, seed, d["sensor"])
-    anatomy.pack(options.anatomy, d["anatomy"])
-    contact.pack(options.array, d["array"])
+    scala.pack(options.anatomy, options.bone if options.trial.specimen == "bone" else options.phantom, d["scala"])
+    rod.pack(options.array, d["array"])
     inject = options.inject
     for name in ("axes_silent", "wrench_silent", "wrench_saturated", "amplifier_fault", "jam"):
         after_s = getattr(inject, f"{name}_after_s")
