@@ -14,20 +14,21 @@ FLOOR_N_PER_MM = 1e-4
 
 @kernel
 def eliminate(band, gradient, rows):
-    """LDL^T of the first `rows` rows in place, and of the gradient with it; how many pivots were not positive.
+    """LDL^T of the first `rows` rows in place, and of the gradient with it; gradient times Newton step.
 
-    band (n + 1, 6), gradient (n + 1,) for n rows in all: the last one only takes zeros. Rows become those of the unit triangular factor, with the inverse pivot in front. A
-    pivot that is not positive is turned round, so that the step goes downhill.
+    band (n + 1, 6), gradient (n + 1,) for n rows in all: the last one only takes zeros. Rows become those of the unit
+    triangular factor, with the inverse pivot in front. A pivot that is not positive is turned round, so that the step
+    goes downhill: by the slope that is returned.
     """
-    turned = 0
+    slope = 0.0
     for r in range(rows):
         pivot = band[r, 0]
         if pivot < FLOOR_N_PER_MM:
-            turned += 1
             pivot = max(-pivot, FLOOR_N_PER_MM)
         inverse = 1.0 / pivot
         band[r, 0] = inverse
         g = gradient[r]
+        slope += g * g * inverse
         a1, a2, a3, a4, a5 = band[r, 1], band[r, 2], band[r, 3], band[r, 4], band[r, 5]
         f1, f2, f3, f4, f5 = a1 * inverse, a2 * inverse, a3 * inverse, a4 * inverse, a5 * inverse
         band[r + 1, 0] -= f1 * a1
@@ -51,7 +52,7 @@ def eliminate(band, gradient, rows):
         gradient[r + 4] -= f4 * g
         gradient[r + 5] -= f5 * g
         band[r, 1], band[r, 2], band[r, 3], band[r, 4], band[r, 5] = f1, f2, f3, f4, f5
-    return turned
+    return slope
 
 
 @kernel

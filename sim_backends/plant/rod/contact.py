@@ -29,6 +29,8 @@ RIM_MM = 0.3
 """The face takes over from a lip over this length, so that no node drops off an edge."""
 FREE_MM = 1.0
 """So near to the gripper the recess would meet the gripper first; from twice as far on it bears in full."""
+NEAR_MM = 0.2
+"""A folded tip comes no further towards the shaft in one step."""
 SELF_WINDOW = 6
 """A folded tip is compared with so many edges to either side of where it should lie along the shaft."""
 
@@ -421,27 +423,49 @@ def _share(rod, edge, t, nx, ny, stiffness, force_n):
 
 @kernel
 def _itself(rod, stiffness):
-    """A folded tip lies against the shaft. Both sides get twice the stiffness, which bounds their coupling."""
+    """A folded tip lies against the shaft: either side presses against where the other one was before the step.
+
+    The two are far apart in the band, which could not hold what one does to the other. In equilibrium it is the same.
+    """
+    n = rod.segments
+    for i in range(rod.self_from, n + 1):
+        edge = rod.self_edge[i]
+        if edge == 0:
+            continue
+        t, nx, ny, width = rod.self_at[i, 0], rod.self_at[i, 1], rod.self_at[i, 2], rod.self_at[i, 3]
+        row = 2 * (n - i)
+        moved = (rod.node_mm[i, 0] - rod.before_mm[i, 0]) * nx + (rod.node_mm[i, 1] - rod.before_mm[i, 1]) * ny
+        sunk = width - moved
+        if sunk > 0.0:
+            rod.self_n += stiffness * sunk
+            rod.energy_nmm += 0.5 * stiffness * sunk * sunk
+            _stiffen(rod, row, nx, ny, stiffness)
+            _pull(rod, i, row, stiffness * sunk * nx, stiffness * sunk * ny)
+        sunk = width + _slip(rod, edge, t, nx, ny)
+        if sunk > 0.0:
+            rod.energy_nmm += 0.5 * stiffness * sunk * sunk
+            _share(rod, edge, t, nx, ny, stiffness, -stiffness * sunk)
+
+
+@kernel
+def _face_itself(rod):
+    """Before a step: which edge of the shaft each node of a folded tip lies against, and how deep it is in it."""
     n = rod.segments
     apex, sharpest = n, 0.0
     for i in range(max(rod.inside_from, 2), n):
         if abs(rod.turn_rad[i]) > sharpest:
             apex, sharpest = i, abs(rod.turn_rad[i])
+    rod.self_from = apex + 3
     for i in range(apex + 3, n + 1):
         cx, cy = _centre(rod, i)
-        best, where, share, ux, uy = math.inf, -1, 0.0, 0.0, 0.0
+        least = 2.0 * rod.radius_mm[i] + NEAR_MM
+        rod.self_edge[i] = 0
         for edge in range(max(2 * apex - i - SELF_WINDOW, 2), min(2 * apex - i + SELF_WINDOW, apex - 3)):
             t, nx, ny, distance, _ = _toward(rod, edge, cx, cy)
-            if distance < best:
-                best, where, share, ux, uy = distance, edge, t, nx, ny
-        sunk = 2.0 * rod.radius_mm[i] - best
-        if where >= 0 and sunk > 0.0:
-            rod.self_n += stiffness * sunk
-            row = 2 * (n - i)
-            rod.energy_nmm += 0.5 * stiffness * sunk * sunk
-            _stiffen(rod, row, ux, uy, 2.0 * stiffness)
-            _pull(rod, i, row, stiffness * sunk * ux, stiffness * sunk * uy)
-            _share(rod, where, share, ux, uy, 2.0 * stiffness, -stiffness * sunk)
+            if distance < least:
+                least, rod.self_edge[i] = distance, edge
+                rod.self_at[i, 0], rod.self_at[i, 1], rod.self_at[i, 2] = t, nx, ny
+                rod.self_at[i, 3] = 2.0 * rod.radius_mm[i] - distance
 
 
 @kernel
@@ -449,6 +473,8 @@ def enter(rod, scala):
     """Before a step: which nodes are beyond the entry, and the foot of each that has come in; posts near the gripper."""
     for post in range(POSTS):
         _follow(rod, scala, post)
+    if rod.folded:
+        _face_itself(rod)
     n = rod.segments
     ex, ey, ax, ay = scala.entry_mm[0], scala.entry_mm[1], scala.axis[0], scala.axis[1]
     reach = scala.hole_radius_mm + scala.lip_radius_mm

@@ -71,6 +71,9 @@ ROD = np.dtype(
         ("post_share", "f8", (POSTS,)),  # of its stiffness: none where the gripper is
         ("post_press_n", "f8", (POSTS,)),
         ("post_rub", "f8", (POSTS, 4)),  # where it rubs: edge, share of it, tangent
+        ("self_from", "i8"),  # first node of a folded tip that can touch the shaft
+        ("self_edge", "i8", (MAX_NODES,)),  # the edge of the shaft that node i lies against, 0 for none
+        ("self_at", "f8", (MAX_NODES, 4)),  # share of that edge, normal from it to the node, overlap before the step
         ("modiolar_n", "f8"),
         ("lateral_n", "f8"),
         ("face_n", "f8"),

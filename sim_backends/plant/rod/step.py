@@ -15,7 +15,7 @@ from sim_backends.plant.rod.state import POSTS
 from sim_backends.plant.rod.stylet import remember, set_stylet
 
 ITERATIONS = 40
-SECANTS, ROUND = 3, 6
+SECANTS, ROUND = 1, 2
 """Of every six solves the first three take friction's secant, which lands on what sticks, then its tangent, which slips."""
 TOLERANCE_MM = 2e-4
 """A Newton step this short is the last: what remains after it is its square, below 1e-4 N in the stiffest spring."""
@@ -23,8 +23,10 @@ REACH_MM = 0.1
 """No node moves further in one iteration."""
 SLACK_NMM = 1e-8
 JUMP_MM = 0.02
-HALVINGS = 6
-"""A Newton step is halved so often while it leads uphill."""
+CUTS, LEAST_CUT, MOST_CUT = 8, 0.1, 0.5
+"""A Newton step that leads uphill is shortened so often, each time to a share between these."""
+NOISE_NMM = 1e-9
+"""A Newton step that would gain no more than twice this is the last, however long."""
 SMALLEST = 1.0 / 256.0
 BUDGET = 100
 """Iterations a tick may cost, so that it stays below a millisecond."""
@@ -125,25 +127,29 @@ def _clamp(rod, pose):
 
 @kernel
 def _settle(rod, scala, part, step_s):
-    """Newton's method from where the nodes would be at their last pace; True once a step is short."""
+    """Newton's method from where the nodes would be at their last pace; True once a step is short or gains nothing."""
     n = rod.segments
     x, rows = rod.node_mm, 2 * n - 2
     for i in range(2, n + 1):
         x[i, 0] = rod.before_mm[i, 0] + part * rod.pace_mm[i, 0]
         x[i, 1] = rod.before_mm[i, 1] + part * rod.pace_mm[i, 1]
     _clamp(rod, rod.pose)
-    last, scale, halvings, solves = math.inf, 0.0, 0, 0
+    last, scale, gain, cuts, solves = math.inf, 0.0, 0.0, 0, 0
     for _ in range(ITERATIONS):
         rod.iterations += 1
         assemble(rod, step_s)
         touch(rod, scala, step_s, solves % ROUND < SECANTS)
-        if rod.energy_nmm > last + SLACK_NMM and halvings < HALVINGS:
-            _move(rod, -0.5 * scale)  # too far: half the way back
-            scale *= 0.5
-            halvings += 1
+        rise = rod.energy_nmm - last
+        if not rise <= SLACK_NMM and cuts < CUTS:  # NaN, too, leads uphill
+            # too far: back to where a parabola through both energies and the slope has its least
+            keep = 0.5 * gain * scale / (rise + gain * scale)
+            keep = min(max(keep, LEAST_CUT), MOST_CUT) if keep == keep else LEAST_CUT
+            _move(rod, (keep - 1.0) * scale)
+            scale *= keep
+            cuts += 1
             continue
         last = rod.energy_nmm
-        eliminate(rod.band, rod.gradient, rows)
+        gain = eliminate(rod.band, rod.gradient, rows)
         substitute(rod.band, rod.gradient, rows)
         largest = 0.0
         for r in range(rows):
@@ -153,11 +159,11 @@ def _settle(rod, scala, part, step_s):
                 largest = size
         if not largest < math.inf:
             return False
-        scale = min(1.0, REACH_MM / max(largest, 1e-12))
-        halvings = 0
+        scale = min(1.0, REACH_MM / max(largest, TOLERANCE_MM))
+        cuts = 0
         solves += 1
         _move(rod, scale)
-        if largest < TOLERANCE_MM:
+        if largest < TOLERANCE_MM or gain < NOISE_NMM:
             return True
     return False
 
