@@ -136,7 +136,11 @@ class Anatomy:
     hole_radius_mm: float = option(0.67, low=0.4, high=3.0, unit="mm", doc="of the cochleostomy")
     lip_radius_mm: float = option(0.15, low=0.02, high=0.5, unit="mm", doc="its rim is rounded so far")
     recess_angle_rad: float = option(
-        0.1745, low=0.05, high=1.5, unit="rad", doc="half angle of the access through the facial recess, at the entry"
+        0.297,
+        low=0.05,
+        high=1.5,
+        unit="rad",
+        doc="half angle of the access through the facial recess, seen from the entry, in the plane of insertion",
     )
     recess_clearance_mm: float = option(
         2.0, low=0.3, high=10.0, unit="mm", doc="half width of the facial recess, which is where the cone is as wide"
@@ -211,15 +215,15 @@ class Array:
     length_mm: float = option(18.0, low=15.5, high=18.0, unit="mm", doc="from the grip to the tip")
     segments: int = option(48, low=20, high=80, doc="edges of the rod")
     bending_tip_nmm2: float = option(
-        0.15, low=0.02, high=0.3, unit="N mm^2", doc="bending stiffness at the tip without stylet"
+        0.1, low=0.02, high=0.3, unit="N mm^2", doc="bending stiffness at the tip without stylet"
     )
     bending_base_nmm2: float = option(
         1.0, low=0.3, high=2.0, unit="N mm^2", doc="the same 15 mm behind the tip, linear between them"
     )
     stylet_bending_nmm2: float = option(4.2, low=1.0, high=8.0, unit="N mm^2", doc="bending stiffness of the stylet")
-    curvature_tip_per_mm: float = option(1.0, low=0.5, high=1.3, unit="1/mm", doc="of the released array, at its tip")
+    curvature_tip_per_mm: float = option(1.1, low=0.5, high=1.3, unit="1/mm", doc="of the released array, at its tip")
     curvature_base_per_mm: float = option(
-        0.05, low=0.0, high=0.2, unit="1/mm", doc="the same 15 mm behind the tip, quadratic between them as in 02"
+        0.1, low=0.0, high=0.2, unit="1/mm", doc="the same 15 mm behind the tip, quadratic between them as in 02"
     )
     curvature_error: float = option(0.0, low=-0.5, high=0.5, doc="share by which this array curls more than the mean")
     grip_angle_rad: float = option(0.01, low=-0.3, high=0.3, unit="rad", doc="angle at which the assistant grips it")

@@ -192,10 +192,11 @@ def _post(rod, scala, post):
     rod.post_press_n[post] = 0.0
     distance = math.sqrt(square)
     if distance >= rod.post_reach_mm[post]:
-        rod.post_met[post] = 1
+        if dx * scala.post_normal[post, 0] + dy * scala.post_normal[post, 1] > 0.0:
+            rod.post_met[post] = 1
         return
     if not rod.post_met[post] or distance == 0.0:
-        return  # an array loaded across the recess is threaded through it by hand
+        return  # until the array lies between the posts it is being threaded through by hand
     touch = rod.post_touch[post]
     touch[0], touch[1], touch[2], touch[3] = edge, t, -dy / distance, dx / distance
     _press_post(rod, scala, post, edge)
