@@ -1,8 +1,10 @@
 """The table of a campaign on disk: CSV, one line a row, each written at once, so that no end of a process spoils it."""
 
 import csv
+import errno
 import fcntl
 import io
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +14,8 @@ from hal.errors import RtctlError
 from rtctl.campaign.row import Row
 
 ANOTHER_FILE = "name another file"
+DIFFERENT = {"config_hash": "with other settings", "kernel_hash": "by another version of the program"}
+"""What it means if the column `Table.identity` names has another value."""
 
 
 class CampaignError(RtctlError):
@@ -26,7 +30,7 @@ class Table:
     Args:
         path: the file; it is made if there is none.
         columns: names of the columns, in order.
-        identity: columns that have the same value in every row of one campaign, and that value.
+        identity: value of every column of `DIFFERENT`, which all rows of one campaign have.
 
     Attributes:
         known: seed -> row of what the file held when it was opened.
@@ -44,6 +48,9 @@ class Table:
         try:
             self._lock()
             self.known: dict[int, Row] = self._read()
+        except OSError as error:
+            self._file.close()
+            raise self._refuse(f"this is no file a table can be kept in ({error.strerror})", str(path)) from None
         except BaseException:
             self._file.close()
             raise
@@ -58,8 +65,10 @@ class Table:
 
     def append(self, row: Row) -> None:
         """Write one row. Raises CampaignError if the disk is full, or the like."""
+        line = _line(row.get(name, "") for name in self._columns)
         try:
-            self._file.write(_line(row.get(name, "") for name in self._columns))
+            if self._file.write(line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
             raise CampaignError("the table cannot be written", value=str(self._path), remedy=f"{error.strerror}; then run the same command again") from None  # fmt: skip
 
@@ -95,7 +104,7 @@ class Table:
             raise self._refuse(f"line {number} of the file is not a row of the table", line) from None
         for name, value in self._identity.items():
             if row[name] != value:
-                raise self._refuse(f"the table was begun with another {name.replace('_', ' ')}", row[name], value)
+                raise self._refuse(f"the table was begun {DIFFERENT[name]} ({name})", row[name], value)
         return seed, row
 
     def _refuse(self, what: str, value: object = None, bound: str = "") -> CampaignError:
