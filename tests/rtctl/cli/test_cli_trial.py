@@ -97,8 +97,8 @@ def test_turned_over_the_robot_still_feels_nothing_where_there_is_nothing(capsys
     """Bench and controller agree about the other ear; if only the bench is turned over, weight looks like contact."""
 
     def peak(*words):
-        in_air = ["--set", "backend.options.anatomy.entry_in_base_mm=[400.0, 0.0]", "--set", "workflow.hold_s=0.0"]
-        assert main(["sim", *in_air, *words, "--json"]) == Exit.OK
+        in_air = ["backend.options.anatomy.entry_in_base_mm=[400.0, 0.0]", "admittance.lateral=false"]
+        assert main(["sim", "--set", in_air[0], "--set", in_air[1], *words, "--json"]) == Exit.OK
         return json.loads(capsys.readouterr().out)["insertion_force_peak_n"]
 
     assert peak("--side", "right") < 0.03
