@@ -63,6 +63,19 @@ class Backend(Protocol):
         """What a simulation knows and a controller may not: signals and their live record (1,) of the table's dtype."""
 
 
+@runtime_checkable
+class Scattered(Protocol):
+    """What a simulation may have beside: runs that differ from seed to seed in more than noise."""
+
+    def drawn_values(self) -> dict[str, float]:
+        """What the seed decided, by names with units; which names there are depends neither on seed nor on settings."""
+
+
+def drawn_values(backend: Backend) -> dict[str, float]:
+    """What the seed decided about `backend`; empty where it decides nothing worth telling."""
+    return backend.drawn_values() if isinstance(backend, Scattered) else {}
+
+
 def load(name: str, options: Mapping[str, Any], *, period_s: float, seed: int) -> Backend:
     """Find backend `name` among the installed entry points and make it from its own table of settings.
 

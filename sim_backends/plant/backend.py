@@ -8,7 +8,7 @@ import numpy as np
 from hal import options
 from hal.backend import CompiledDevice
 from hal.signals import Table
-from sim_backends.plant import device
+from sim_backends.plant import device, trial
 from sim_backends.plant.options import PlantOptions
 from sim_backends.plant.state import AXES, TABLE, pack
 
@@ -22,7 +22,11 @@ class PlantBackend:
     Args:
         table: settings, see :class:`~sim_backends.plant.options.PlantOptions`.
         period_s: time between two ticks.
-        seed: of the sensor noise and of the sensor's matrix error.
+        seed: of the sensor noise and of the sensor's matrix error, and of what `trial` scatters.
+
+    Attributes:
+        options: as they were given.
+        drawn: those of this very insertion, :func:`sim_backends.plant.trial.draw`.
 
     Raises:
         OptionError: a setting is wrong. RobotError: the true geometry cannot be assembled.
@@ -36,7 +40,9 @@ class PlantBackend:
     def __init__(self, table: Mapping[str, Any], *, period_s: float, seed: int) -> None:
         self.options = options.read(self.options_type, table, "backend.options")
         self.watchdog_ticks = self.options.watchdog_ticks
-        self._device = pack(self.options, period_s, seed)
+        self._sampled = trial.sample(self.options, seed)
+        self.drawn = trial.place(self._sampled)
+        self._device = pack(self.drawn, period_s, seed)
         self._record = self._device[0]
 
     def open(self) -> None:
@@ -68,3 +74,7 @@ class PlantBackend:
     def truth(self) -> tuple[Table, np.ndarray]:
         """True state of the bench: signals and their live record, shape (1,), as of the last read."""
         return TABLE, self._device["truth"]
+
+    def drawn_values(self) -> dict[str, float]:
+        """What makes this insertion another one than that of the next seed."""
+        return trial.told(self._sampled)

@@ -198,14 +198,18 @@ class Trial:
 
     specimen: str = option("phantom", choices=("phantom", "bone"), doc="which of the two tables holds")
     side: str = option(
-        "right", choices=("right", "left"), doc="ear; for a left one the robot is mounted turned over, so {B} sees weight"
+        "right",
+        choices=("right", "left"),
+        doc="ear; for a left one the robot is mounted turned over about x of {B}, where gravity then comes from below",
     )
     lateral_mm: float = option(
         0.0, low=-3.0, high=3.0, unit="mm", doc="the entry lies so far left of where `anatomy` has it, across the axis"
     )
-    out_of_plane_mm: float = option(0.0, low=-3.0, high=3.0, unit="mm", doc="the same across the plane")
-    angle_rad: float = option(0.0, low=-0.3, high=0.3, unit="rad", doc="and the cochlea is turned so far about its entry")
-    scatter: bool = option(False, doc="add to all of it what the specimen's table says, drawn from the seed")
+    out_of_plane_mm: float = option(
+        0.0, low=-3.0, high=3.0, unit="mm", doc="the same across the plane, towards z of {B} of a right ear"
+    )
+    angle_rad: float = option(0.0, low=-0.3, high=0.3, unit="rad", doc="and the cochlea is turned so far about it")
+    scatter: bool = option(False, doc="add draws from the seed to it, with the deviations in the specimen's table")
 
 
 @dataclass(frozen=True)
