@@ -32,11 +32,17 @@ class Geometry(Planar3rprOptions):
 
 @dataclass(frozen=True)
 class Motor:
-    """A DC gear motor behind an amplifier in current mode; torques and angles at the gear's output shaft."""
+    """A DC gear motor behind an amplifier; torques and angles at the gear's output shaft."""
 
+    amplifier: str = option("current", choices=("current", "voltage"), doc="what the amplifier makes of the set value")
     gain_a_per_v: float = option(0.2, low=0.001, high=10.0, unit="A/V", doc="amplifier current per volt of set value")
+    gain_v_per_v: float = option(
+        1.0, low=0.01, high=20.0, unit="V/V", doc="in voltage mode: volts at the motor per volt of set value"
+    )
+    resistance_ohm: float = option(5.0, low=0.05, high=1000.0, unit="ohm", doc="R of the winding, for voltage mode")
+    inductance_mh: float = option(0.5, low=0.0, high=1000.0, unit="mH", doc="L of the winding, for voltage mode")
     current_limit_a: float = option(2.0, low=0.01, high=20.0, unit="A", doc="largest current of the amplifier")
-    torque_nmm_per_a: float = option(20.0, low=0.1, high=1000.0, unit="N mm/A", doc="K")
+    torque_nmm_per_a: float = option(20.0, low=0.1, high=1000.0, unit="N mm/A", doc="K; the back-EMF's in mV s/rad")
     inertia_nmm_s2: float = option(1.2e-3, low=1e-5, high=1.0, unit="N mm s^2", doc="J of rotor, gear and screw")
     viscous_nmm_s: float = option(0.06, low=1e-4, high=10.0, unit="N mm s", doc="drag per rad/s")
     coulomb_nmm: float = option(0.4, low=0.0, high=100.0, unit="N mm", doc="dry friction of the unloaded drive")

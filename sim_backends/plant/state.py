@@ -145,9 +145,12 @@ def _pack_stylet(options: StyletDrive, motor: np.void) -> None:
 
 def _pack_motor(options: Motor, lead_mm_per_rad: float, motor: np.void) -> None:
     for name in (
-        "gain_a_per_v", "current_limit_a", "torque_nmm_per_a", "inertia_nmm_s2", "viscous_nmm_s", "coulomb_nmm"
+        "gain_a_per_v", "current_limit_a", "torque_nmm_per_a", "inertia_nmm_s2", "viscous_nmm_s", "coulomb_nmm",
+        "gain_v_per_v", "resistance_ohm",
     ):  # fmt: skip
         motor[name] = getattr(options, name)
+    motor["in_voltage_mode"] = options.amplifier == "voltage"
+    motor["inductance_h"] = options.inductance_mh / 1000.0
     motor["screw_loss"] = 1.0 / options.screw_efficiency - 1.0
     motor["count_rad"] = 2 * math.pi / options.counts_per_turn
     motor["lead_mm_per_rad"] = lead_mm_per_rad
