@@ -6,7 +6,7 @@ from sim_backends.plant.contact import array_wrench, lift
 from sim_backends.plant.motors import amplify, turn
 from sim_backends.plant.sensor import bear, follow, settle
 from sim_backends.plant.state import AXES, LEGS, STYLET
-from sim_backends.plant.transmission import drag_piston
+from sim_backends.plant.transmission import drag_piston, pay_out
 
 SUBSTEPS = 2
 STYLET_MAX_MM = 15.0
@@ -54,8 +54,8 @@ def _drive(device, jammed):
         for _ in range(SUBSTEPS):
             pull_n = 0.0
             if i < LEGS:
-                carriage_mm = motor.lead_mm_per_rad * motor.angle_rad
-                pull_n = drag_piston(device.leg[i], carriage_mm, device.load_n[i], device.load_gain, dt_s)
+                paid_out_mm, share = pay_out(device.leg[i], motor.lead_mm_per_rad * motor.angle_rad)
+                pull_n = share * drag_piston(device.leg[i], paid_out_mm, device.load_n[i], device.load_gain, dt_s)
             turn(motor, pull_n, stuck, dt_s)
     for i in range(LEGS):
         device.motor_angle[i] = device.leg[i].piston_mm / device.motor[i].lead_mm_per_rad

@@ -73,6 +73,17 @@ class Wire:
     settling_s: float = option(
         0.004, low=1e-4, high=0.1, unit="s", doc="time constant of the piston on the wire, from viscous drag"
     )
+    misalignment_mm: tuple[float, ...] = option(
+        (0.25, -0.2, 0.25),
+        shape=(3,),
+        low=-2.0,
+        high=2.0,
+        unit="mm",
+        doc="n: the carriage runs so far beside the tangent of its pulley, positive towards the pulley's axis",
+    )
+    straight_mm: float = option(
+        25.0, low=10.0, high=500.0, unit="mm", doc="u*: from the pulley to the carriage while it is at home"
+    )
     home_error_mm: tuple[float, ...] = option(
         (0.006, -0.004, 0.003),
         shape=(3,),

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
+from hal.errors import OptionError
 from hal.options import table_of
 from hal.signals import TICK, TIME, Signal, Table
 from rtctl import robots
 from rtctl.robots.planar_3rpr import PLANAR_3RPR
-from sim_backends.plant import anatomy, contact
+from sim_backends.plant import anatomy, contact, transmission
 from sim_backends.plant.anatomy import ANATOMY
 from sim_backends.plant.contact import ARRAY, NODES
 from sim_backends.plant.motors import MOTOR
@@ -96,6 +97,7 @@ def pack(options: PlantOptions, period_s: float, seed: int) -> np.ndarray:
     """A DEVICE record, shape (1,), at its start pose, closed and without power.
 
     Raises:
+        OptionError: options that each are within bounds do not go together.
         RobotError: the true geometry has no home, or the start pose cannot be assembled.
     """
     device = np.zeros(1, DEVICE)
@@ -128,12 +130,23 @@ def _pack_robot(options: PlantOptions, d: np.void) -> None:
         play_mm = eta * wire.backlash_rad[i]
         leg["friction_n"] = play_mm / 2 * (leg["near_n_per_mm"] + leg["far_n_per_mm"])
         leg["settling_s"] = wire.settling_s
+        leg["misalignment_mm"], leg["straight_mm"] = wire.misalignment_mm[i], wire.straight_mm
+        leg["pulley_radius_mm"] = options.geometry.pulley_radius_mm[i]
+        leg["home_length_mm"] = transmission.wire_length(
+            leg["straight_mm"], leg["misalignment_mm"], leg["pulley_radius_mm"]
+        )[0]
         leg["piston_mm"] = eta * d["motor_angle"][i]
         _pack_motor(options.motor, eta, motor)
-        motor["angle_rad"] = d["motor_angle"][i]
+        motor["angle_rad"] = transmission.carriage_of(leg, leg["piston_mm"]) / eta
         # a carriage that comes to its stop leaves its piston behind by half the play; the stop is set to allow for it
         motor["low_rad"] = (wire.home_error_mm[i] - play_mm / 2) / eta
         motor["high_rad"] = motor["low_rad"] + wire.stroke_mm / eta
+        nearest_mm = wire.straight_mm + eta * motor["low_rad"]
+        if nearest_mm <= 0.0 or nearest_mm**2 <= 2 * leg["pulley_radius_mm"] * leg["misalignment_mm"]:
+            raise OptionError(
+                "backend.options.wire.straight_mm leaves no room between carriage and pulley",
+                value=wire.straight_mm, remedy="make it larger, or misalignment_mm smaller",
+            )  # fmt: skip
 
 
 def _pack_stylet(options: StyletDrive, motor: np.void) -> None:
