@@ -4,7 +4,7 @@ from hal.kernel import kernel
 from rtctl.robots.planar_3rpr import forward, wire_jacobian
 from sim_backends.plant.contact import array_wrench, lift
 from sim_backends.plant.motors import amplify, turn
-from sim_backends.plant.sensor import bear, follow, settle
+from sim_backends.plant.sensor import bear, follow, settle, stand, swing
 from sim_backends.plant.state import AXES, LEGS, STYLET
 from sim_backends.plant.transmission import drag_piston, pay_out
 
@@ -20,6 +20,7 @@ def start(device, tick):
     device.axes_tick = device.wrench_tick = tick - 1
     device.rest_ticks = 0
     _touch(device)
+    stand(device.sensor, device.pose)
     bear(device.sensor, device.wrench, device.pose[2])
     settle(device.sensor)
 
@@ -39,6 +40,7 @@ def advance(device):
     device.rest_ticks = 0 if moving else device.rest_ticks + 1
     forward(device.robot, device.motor_angle, device.pose)  # where it fails the robot is held by its own joints
     _touch(device)
+    swing(device.sensor, device.pose, device.period_s)
     bear(device.sensor, device.wrench, device.pose[2])
     follow(device.sensor)
 

@@ -111,12 +111,15 @@ class Sensor:
     """Six-axis force/torque sensor between robot and insertion module, axes in {F}: z along the insertion axis."""
 
     lever_mm: float = option(60.0, low=0.0, high=500.0, unit="mm", doc="gripper tip in front of the sensor's origin")
-    weight_n: float = option(1.5, low=0.0, high=50.0, unit="N", doc="weight of the insertion module")
+    weight_n: float = option(1.5, low=0.0, high=50.0, unit="N", doc="of the insertion module; its mass too")
     gravity_direction_in_base: tuple[float, ...] = option(
         (0.10, -0.30, -0.95), shape=(3,), low=-1, high=1, doc="direction of gravity in {B}; normalised"
     )
     centre_of_mass_in_sensor_mm: tuple[float, ...] = option(
         (3.0, -2.0, 25.0), shape=(3,), low=-500, high=500, unit="mm", doc="of the insertion module"
+    )
+    inertia_kg_mm2: float = option(
+        150.0, low=0.0, high=1e5, unit="kg mm^2", doc="of the module about its centre of mass, across the robot's plane"
     )
     bias: tuple[float, ...] = option(
         (0.35, -0.20, 0.80, 4.0, -6.0, 2.0), shape=(6,), low=-1000, high=1000, unit="N, N mm", doc="reading of no load"
@@ -126,6 +129,8 @@ class Sensor:
     )
     force_noise_n: float = option(0.004, low=0.0, high=10.0, unit="N", doc="rms of one sample")
     moment_noise_nmm: float = option(0.1, low=0.0, high=100.0, unit="N mm", doc="rms of one sample")
+    force_step_n: float = option(0.0006, low=0.0, high=1.0, unit="N", doc="of the converter; 0 for none")
+    moment_step_nmm: float = option(0.008, low=0.0, high=100.0, unit="N mm", doc="of the converter; 0 for none")
     cutoff_hz: float = option(200.0, low=1.0, high=10000.0, unit="Hz", doc="first-order filter of the electronics")
     cross_axis_error: float = option(
         0.003, low=0.0, high=0.1, doc="standard deviation of the entries of the matrix error, shares of rated load"

@@ -14,7 +14,7 @@ from sim_backends.plant.anatomy import ANATOMY
 from sim_backends.plant.contact import ARRAY, NODES
 from sim_backends.plant.motors import MOTOR
 from sim_backends.plant.options import Motor, PlantOptions, Sensor, StyletDrive
-from sim_backends.plant.sensor import SENSOR
+from sim_backends.plant.sensor import GRAVITY_M_PER_S2, SENSOR
 from sim_backends.plant.transmission import LEG
 
 LEGS, AXES, STYLET = 3, 4, 3
@@ -173,6 +173,7 @@ def _pack_sensor(options: Sensor, period_s: float, seed: int, sensor: np.void) -
     direction = np.array(options.gravity_direction_in_base)
     sensor["lever_mm"] = options.lever_mm
     sensor["weight_in_base_n"] = options.weight_n * direction / max(float(np.linalg.norm(direction)), 1e-12)
+    sensor["mass_kg"], sensor["inertia_kg_mm2"] = options.weight_n / GRAVITY_M_PER_S2, options.inertia_kg_mm2
     sensor["centre_of_mass_mm"] = options.centre_of_mass_in_sensor_mm
     sensor["rated"] = rated = np.repeat((options.rated_force_n, options.rated_moment_nmm), 3)
     error = np.random.default_rng(seed).standard_normal((6, 6)) * options.cross_axis_error
@@ -180,4 +181,5 @@ def _pack_sensor(options: Sensor, period_s: float, seed: int, sensor: np.void) -
     sensor["bias"] = options.bias
     sensor["drift_per_tick"] = np.array(options.drift_per_min) * period_s / 60.0
     sensor["noise"] = np.repeat((options.force_noise_n, options.moment_noise_nmm), 3)
+    sensor["step"] = np.repeat((options.force_step_n, options.moment_step_nmm), 3)
     sensor["smoothing"] = 1.0 - math.exp(-2 * math.pi * options.cutoff_hz * period_s)
