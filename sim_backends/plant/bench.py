@@ -3,6 +3,7 @@
 from hal.kernel import kernel
 from rtctl.robots.planar_3rpr import forward, wire_jacobian
 from sim_backends.plant.contact import array_wrench, lift
+from sim_backends.plant.impedance import begin_sweep, dry
 from sim_backends.plant.motors import amplify, turn
 from sim_backends.plant.sensor import bear, follow, settle, stand, swing
 from sim_backends.plant.state import AXES, LEGS, STYLET
@@ -20,6 +21,7 @@ def start(device, tick):
     device.axes_tick = device.wrench_tick = tick - 1
     device.rest_ticks = 0
     _touch(device)
+    begin_sweep(device.impedance)
     stand(device.sensor, device.pose)
     bear(device.sensor, device.wrench, device.pose[2])
     settle(device.sensor)
@@ -71,6 +73,7 @@ def _drive(device, jammed):
 def _touch(device):
     """Stylet, array and anatomy, and what they put on the wires in the next tick."""
     wrench = device.wrench
+    dry(device.impedance)  # the array here does not tell how far its contacts are from the modiolus
     if device.array_loaded:
         device.stylet_mm = max(device.stylet_mm, _withdrawn(device))
         array_wrench(device.array, device.anatomy, device.pose, device.stylet_mm, wrench)

@@ -9,6 +9,7 @@ from hal.frames import INVALID, SATURATED, VALID, actuator_frame, sensor_frame
 from hal.kernel import kernel
 from sim_backends.plant.bench import advance, clear_command, cut_power, load_array, start
 from sim_backends.plant.contact import NODES
+from sim_backends.plant.impedance import measure
 from sim_backends.plant.motors import encoder_angle
 from sim_backends.plant.sensor import sample
 from sim_backends.plant.state import AXES, DEVICE, STYLET
@@ -59,6 +60,21 @@ def _sample_wrench(device, sensors):
 
 
 @kernel
+def _sample_impedance(device, sensors):
+    """The last sample of the telemetry, until it is too old."""
+    impedance = device.impedance
+    age = NEVER
+    if device.started and impedance.sequence > 0:
+        age = min(device.tick - device.start_tick - impedance.sequence * impedance.period_ticks, NEVER)
+    known = device.opened and age <= max(impedance.stale_ticks, impedance.period_ticks)
+    sensors.impedance_ohm = impedance.ohm if known else math.nan
+    sensors.impedance_pair = impedance.pair if known else -1
+    sensors.impedance_validity = VALID if known else INVALID
+    sensors.impedance_sequence = impedance.sequence
+    sensors.impedance_age_ticks = age
+
+
+@kernel
 def _tell_truth(device):
     """Copy what a report wants to know; nothing else reads it."""
     truth, array = device.truth, device.array
@@ -98,9 +114,11 @@ def read(device, tick, sensors):
                 device.tick = tick
             else:
                 advance(device)
+            measure(device.impedance, device.seed, device.tick - device.start_tick)
         _tell_truth(device)
     _sample_axes(device, sensors)
     _sample_wrench(device, sensors)
+    _sample_impedance(device, sensors)
     sensors.powered = device.powered
     sensors.watchdog_tripped = device.tripped
     sensors.amplifier_fault = device.amplifier_fault

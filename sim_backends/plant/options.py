@@ -140,6 +140,31 @@ class Sensor:
 
 
 @dataclass(frozen=True)
+class Impedance:
+    """Telemetry of the implant: the bipolar impedance of its 22 contacts, pair after pair (04 sections 3 and 4)."""
+
+    pair_period_s: float = option(0.07, low=0.001, high=1.0, unit="s", doc="one pair is measured each")
+    pair_step: int = option(
+        1, low=1, high=2, doc="1 measures contacts (i, i + 1), 21 pairs a sweep; 2 measures (i, i + 2), 20 pairs"
+    )
+    first_contact_mm: float = option(
+        0.6, low=0.0, high=5.0, unit="mm", doc="from the tip to the middle of the first contact"
+    )
+    pitch_mm: float = option(0.62, low=0.1, high=1.5, unit="mm", doc="between neighbouring contacts")
+    a: float = option(83.2, low=0.0, high=1e4, unit="ohm", doc="of the power law z = a A^b + c with A in mm^2")
+    b: float = option(-1.317, low=-3.0, high=-0.1, doc="its exponent")
+    c: float = option(1149.0, low=0.0, high=1e4, unit="ohm", doc="its value far from the modiolus")
+    area_max_mm2: float = option(0.8, low=0.05, high=5.0, unit="mm^2", doc="a larger area changes nothing")
+    distance_min_mm: float = option(
+        0.05, low=0.001, high=0.5, unit="mm", doc="a contact nearer to the modiolus than the law was fitted reads alike"
+    )
+    series_ohm: tuple[float, ...] = option(
+        (100.0, 500.0), shape=(2,), low=0.0, high=5000.0, unit="ohm", doc="of a pair's leads: drawn between these"
+    )
+    noise_ohm: float = option(50.0, low=0.0, high=500.0, unit="ohm", doc="rms of one sample, typically below 200")
+
+
+@dataclass(frozen=True)
 class Anatomy:
     """Where the cochlea really is, and how large."""
 
@@ -273,6 +298,11 @@ class Inject:
     amplifier_fault_after_s: float | None = option(None, low=0.0, unit="s", doc="an amplifier is not ready, no power")
     jam_after_s: float | None = option(None, low=0.0, unit="s", doc="a motor no longer turns")
     jam_axis: int = option(0, low=0, high=3, doc="which motor jams")
+    impedance_silent_after_s: float | None = option(None, low=0.0, unit="s", doc="the telemetry stops")
+    open_channel_after_s: float | None = option(None, low=0.0, unit="s", doc="the lead of a contact breaks")
+    open_channel: int = option(0, low=0, high=21, doc="which contact, counted from the tip; both its pairs read open")
+    short_channel_after_s: float | None = option(None, low=0.0, unit="s", doc="a contact touches its partner")
+    short_channel: int = option(0, low=0, high=20, doc="which one, counted from the tip; the pair it begins reads short")
 
 
 @dataclass(frozen=True)
@@ -284,6 +314,7 @@ class PlantOptions:
     wire: Wire
     stylet: StyletDrive
     sensor: Sensor
+    impedance: Impedance
     anatomy: Anatomy
     phantom: Phantom
     bone: Bone

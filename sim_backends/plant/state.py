@@ -9,9 +9,10 @@ from hal.options import table_of
 from hal.signals import TICK, TIME, Signal, Table
 from rtctl import robots
 from rtctl.robots.planar_3rpr import PLANAR_3RPR
-from sim_backends.plant import anatomy, contact, transmission
+from sim_backends.plant import anatomy, contact, impedance, transmission
 from sim_backends.plant.anatomy import ANATOMY
 from sim_backends.plant.contact import ARRAY, NODES
+from sim_backends.plant.impedance import IMPEDANCE
 from sim_backends.plant.motors import MOTOR
 from sim_backends.plant.options import Motor, PlantOptions, Sensor, StyletDrive
 from sim_backends.plant.sensor import GRAVITY_M_PER_S2, SENSOR
@@ -78,6 +79,7 @@ DEVICE = np.dtype(
         ("motor", MOTOR, (AXES,)),
         ("leg", LEG, (LEGS,)),
         ("sensor", SENSOR),
+        ("impedance", IMPEDANCE),
         ("anatomy", ANATOMY),
         ("array", ARRAY),
         ("truth", TRUTH),
@@ -107,6 +109,7 @@ def pack(options: PlantOptions, period_s: float, seed: int) -> np.ndarray:
     _pack_robot(options, d)
     _pack_stylet(options.stylet, d["motor"][STYLET])
     _pack_sensor(options.sensor, period_s, seed, d["sensor"])
+    impedance.pack(options.impedance, options.inject, options.array.length_mm, period_s, seed, d["impedance"])
     anatomy.pack(options.anatomy, d["anatomy"])
     contact.pack(options.array, d["array"])
     inject = options.inject
