@@ -306,6 +306,18 @@ class Inject:
 
 
 @dataclass(frozen=True)
+class Ideal:
+    """Parts that shall be without their faults, whatever their own tables say; for tests and studies."""
+
+    drive: bool = option(False, doc="linear motors: current mode without limit, no dry friction; J and drag stay")
+    screw: bool = option(False, doc="no friction that grows with the load, no binding of the stylet's rod")
+    wire: bool = option(False, doc="no stretch, no lag, no backlash, no misalignment: piston = eta theta")
+    geometry: bool = option(False, doc="the robot is as drawn, and its pistons end at zero")
+    sensor: bool = option(False, doc="no bias, drift, noise, cross-axis error, filter, steps; weight and inertia stay")
+    encoder: bool = option(False, doc="no counts: the true angle since the device was opened")
+
+
+@dataclass(frozen=True)
 class PlantOptions:
     """Everything about the simulated bench."""
 
@@ -321,6 +333,7 @@ class PlantOptions:
     trial: Trial
     array: Array
     inject: Inject
+    ideal: Ideal
     start_pose_mm_rad: tuple[float, ...] = option(
         (154.0, -5.0, -0.01),
         shape=(3,),

@@ -12,6 +12,7 @@ from rtctl.robots.planar_3rpr import PLANAR_3RPR
 from sim_backends.plant import anatomy, contact, impedance, transmission
 from sim_backends.plant.anatomy import ANATOMY
 from sim_backends.plant.contact import ARRAY, NODES
+from sim_backends.plant.ideal import idealised
 from sim_backends.plant.impedance import IMPEDANCE
 from sim_backends.plant.motors import MOTOR
 from sim_backends.plant.options import Motor, PlantOptions, Sensor, StyletDrive
@@ -102,6 +103,7 @@ def pack(options: PlantOptions, period_s: float, seed: int) -> np.ndarray:
         OptionError: options that each are within bounds do not go together.
         RobotError: the true geometry has no home, or the start pose cannot be assembled.
     """
+    options = idealised(options)
     device = np.zeros(1, DEVICE)
     d = device[0]
     d["seed"] = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
