@@ -33,9 +33,9 @@ _STREAM = np.uint64(0xB5297A4D3F84D5B5)
 
 IMPEDANCE = np.dtype(
     [
-        ("a", "f8"),
-        ("b", "f8"),
-        ("c", "f8"),
+        ("factor_ohm", "f8"),  # a
+        ("exponent", "f8"),  # b
+        ("far_field_ohm", "f8"),  # c
         ("area_max_mm2", "f8"),
         ("distance_min_mm", "f8"),
         ("pitch_mm", "f8"),
@@ -85,7 +85,16 @@ def pack(
             "the last contact is not on the array", value=float(place[-1]), bound=f"at most {array_length_mm:g} mm",
             remedy="lower backend.options.impedance.first_contact_mm or pitch_mm",
         )  # fmt: skip
-    for name in ("a", "b", "c", "area_max_mm2", "distance_min_mm", "pitch_mm", "noise_ohm", "pair_step"):
+    for name in (
+        "factor_ohm",
+        "exponent",
+        "far_field_ohm",
+        "area_max_mm2",
+        "distance_min_mm",
+        "pitch_mm",
+        "noise_ohm",
+        "pair_step",
+    ):
         record[name] = getattr(options, name)
     record["contact_from_tip_mm"] = place
     record["series_ohm"] = np.random.default_rng((seed, int(_STREAM))).uniform(low, high, CONTACTS) / 2
@@ -149,4 +158,5 @@ def bipolar_ohm(impedance, first, second):
         return math.nan
     mean = (max(near, impedance.distance_min_mm) + max(far, impedance.distance_min_mm)) / 2
     area = min(mean * impedance.pitch_mm, impedance.area_max_mm2)
-    return impedance.a * area**impedance.b + impedance.c + impedance.series_ohm[first] + impedance.series_ohm[second]
+    fluid = impedance.factor_ohm * area**impedance.exponent + impedance.far_field_ohm
+    return fluid + impedance.series_ohm[first] + impedance.series_ohm[second]

@@ -37,10 +37,10 @@ class Motor:
     amplifier: str = option("current", choices=("current", "voltage"), doc="what the amplifier makes of the set value")
     gain_a_per_v: float = option(0.2, low=0.001, high=10.0, unit="A/V", doc="amplifier current per volt of set value")
     gain_v_per_v: float = option(
-        1.0, low=0.01, high=20.0, unit="V/V", doc="in voltage mode: volts at the motor per volt of set value"
+        2.4, low=0.01, high=20.0, unit="V/V", doc="in voltage mode: volts at the motor per volt of set value"
     )
-    resistance_ohm: float = option(5.0, low=0.05, high=1000.0, unit="ohm", doc="R of the winding, for voltage mode")
-    inductance_mh: float = option(0.5, low=0.0, high=1000.0, unit="mH", doc="L of the winding, for voltage mode")
+    resistance_ohm: float = option(12.0, low=0.05, high=1000.0, unit="ohm", doc="R of the winding, for voltage mode")
+    inductance_mh: float = option(1.0, low=0.0, high=1000.0, unit="mH", doc="L of the winding, for voltage mode")
     current_limit_a: float = option(2.0, low=0.01, high=20.0, unit="A", doc="largest current of the amplifier")
     torque_nmm_per_a: float = option(20.0, low=0.1, high=1000.0, unit="N mm/A", doc="K; the back-EMF's in mV s/rad")
     inertia_nmm_s2: float = option(1.2e-3, low=1e-5, high=1.0, unit="N mm s^2", doc="J of rotor, gear and screw")
@@ -151,9 +151,9 @@ class Impedance:
         0.6, low=0.0, high=5.0, unit="mm", doc="from the tip to the middle of the first contact"
     )
     pitch_mm: float = option(0.62, low=0.1, high=1.5, unit="mm", doc="between neighbouring contacts")
-    a: float = option(83.2, low=0.0, high=1e4, unit="ohm", doc="of the power law z = a A^b + c with A in mm^2")
-    b: float = option(-1.317, low=-3.0, high=-0.1, doc="its exponent")
-    c: float = option(1149.0, low=0.0, high=1e4, unit="ohm", doc="its value far from the modiolus")
+    factor_ohm: float = option(83.2, low=0.0, high=1e4, unit="ohm", doc="a of the power law z = a A^b + c, A in mm^2")
+    exponent: float = option(-1.317, low=-3.0, high=-0.1, doc="b of the power law")
+    far_field_ohm: float = option(1149.0, low=0.0, high=1e4, unit="ohm", doc="c of the power law")
     area_max_mm2: float = option(0.8, low=0.05, high=5.0, unit="mm^2", doc="a larger area changes nothing")
     distance_min_mm: float = option(
         0.05, low=0.001, high=0.5, unit="mm", doc="a contact nearer to the modiolus than the law was fitted reads alike"
@@ -301,8 +301,8 @@ class Inject:
     impedance_silent_after_s: float | None = option(None, low=0.0, unit="s", doc="the telemetry stops")
     open_channel_after_s: float | None = option(None, low=0.0, unit="s", doc="the lead of a contact breaks")
     open_channel: int = option(0, low=0, high=21, doc="which contact, counted from the tip; both its pairs read open")
-    short_channel_after_s: float | None = option(None, low=0.0, unit="s", doc="a contact touches its partner")
-    short_channel: int = option(0, low=0, high=20, doc="which one, counted from the tip; the pair it begins reads short")
+    short_channel_after_s: float | None = option(None, low=0.0, unit="s", doc="a contact touches its pair's other one")
+    short_channel: int = option(0, low=0, high=20, doc="which contact; the pair it begins reads next to nothing")
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ def test_the_noise_is_not_that_of_the_wrench():
 
 
 def test_a_large_resistance_ends_at_the_open_circuit_and_a_noisy_short_above_zero():
-    record = telemetry(noise_ohm=500.0, inject={"short_channel_after_s": 0.0, "short_channel": 0}, a=1e4)
+    record = telemetry(noise_ohm=500.0, inject={"short_channel_after_s": 0.0, "short_channel": 0}, factor_ohm=1e4)
     record["modiolar_distance_mm"] = 0.05
     readings = samples(record, 21 * 30)
     assert min(ohm for pair, ohm in readings if pair == 0) == 1.0
@@ -225,7 +225,7 @@ def test_distances_of_the_tick_reach_the_frame(drive):
     [
         ({"impedance": {"pair_step": 3}}, r"impedance\.pair_step"),
         ({"impedance": {"noise_ohm": -1.0}}, r"impedance\.noise_ohm"),
-        ({"impedance": {"b": 1.0}}, r"impedance\.b "),
+        ({"impedance": {"exponent": 1.0}}, r"impedance\.exponent"),
         ({"impedance": {"series_ohm": [500.0, 100.0]}}, "not an interval"),
         ({"impedance": {"first_contact_mm": 5.0}}, "not on the array"),
         ({"inject": {"open_channel": 22}}, r"inject\.open_channel"),

@@ -124,7 +124,8 @@ def test_the_encoder_counts_whole_steps_from_its_zero(angle, zero):
 
 
 def voltage_motor(**changes):
-    return motor(in_voltage_mode=1, **changes)
+    """1 V/V, 5 ohm, 0.5 mH if nothing else is said."""
+    return motor(**{"in_voltage_mode": 1, "gain_v_per_v": 1.0, "resistance_ohm": 5.0, "inductance_h": 5e-4} | changes)
 
 
 def test_in_voltage_mode_the_back_emf_limits_the_speed():
@@ -223,7 +224,7 @@ def test_only_known_amplifiers_are_taken():
 def test_a_bench_with_voltage_amplifiers_runs_at_their_speed(drive):
     bench = drive({"motor": {"amplifier": "voltage"}})
     bench.run(300, 2.0)
-    free = (20.0 * 2.0 / 5.0 - 0.4) / (0.06 + 20.0**2 * 1e-3 / 5.0)
+    free = (20.0 * 2.4 * 2.0 / 12.0 - 0.4) / (0.06 + 20.0**2 * 1e-3 / 12.0)
     assert (0.5 * free < bench.truth["motor_rate_rad_per_s"][:3]).all()
     assert (bench.truth["motor_rate_rad_per_s"][:3] < free).all()
     bench.run(300, 0.0, power=0)
