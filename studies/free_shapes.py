@@ -46,7 +46,9 @@ def main() -> int:
     print("modal_matrix = [")
     for row in matrix:
         print("  [" + ", ".join(f"{value:.10e}" for value in row) + "],")
-    print(f"]\nresidual: {residual:.4f} rad rms, over {S_SAMPLES_MM.size} arc lengths and {STYLET_SAMPLES_MM.size} withdrawals")
+    print(
+        f"]\nresidual: {residual:.4f} rad rms, over {S_SAMPLES_MM.size} arc lengths and {STYLET_SAMPLES_MM.size} withdrawals"
+    )
     return 0
 
 

@@ -101,6 +101,7 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
         _push(rod, i, -ty, tx, stiffness, r - gap)
         rod.lateral_n += stiffness * (r - gap)
     room = width - gap
+    rod.modiolar_gap_mm[i] = room - r
     if room < r:
         # the width changes along the wall: the slope of the distance is not quite the normal
         tilt = slope / max(1.0 - curvature * gap, 1.0 - FOOT_UNIQUE)

@@ -11,8 +11,8 @@ from sim_backends.plant.rod.band import eliminate, substitute
 from sim_backends.plant.rod.contact import enter, keep_grip, touch
 from sim_backends.plant.rod.elastic import assemble
 from sim_backends.plant.rod.events import look
-from sim_backends.plant.rod.stylet import remember, set_stylet
 from sim_backends.plant.rod.state import POSTS
+from sim_backends.plant.rod.stylet import remember, set_stylet
 
 ITERATIONS = 20
 SECANTS, ROUND = 3, 6
@@ -228,7 +228,7 @@ def _lever(rod, a):
 def _turn_joints(rod):
     """Turning angles after the last Newton step, which was so short that they follow it linearly."""
     n, x, move = rod.segments, rod.node_mm, rod.move_mm
-    ux = uy = mx = my = 0.0
+    ux = mx = my = 0.0
     for i in range(n):  # edge i, from node i to node i + 1
         ex, ey = x[i + 1, 0] - x[i, 0], x[i + 1, 1] - x[i, 1]
         inverse = 1.0 / (ex * ex + ey * ey)
