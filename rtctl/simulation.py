@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from hal.backend import drawn_values
+from hal.backend import drawn_values, failure_of
 from hal.errors import RtctlError
 from hal.signals import Table
 from rtctl.commands import CommandRefused, Reason, Verb, explain
@@ -30,6 +30,8 @@ from rtctl.workflow import Cause, Predicate, Progress, conditions_of, insert_arr
 
 GLANCE_TICKS = 50
 """How often the script looks at the records; part of the experiment, so it must not depend on the machine."""
+FAILED_STEP_SUFFIX = ".failed-step"
+"""Beside the log: the state of a simulated backend that could not go on."""
 LAST_TICKS = 300
 """Ticks to come to rest at the end, and as many without power after it."""
 
@@ -54,7 +56,8 @@ def simulate(
     """Run the work-flow in lockstep; the same settings and seed give the same records and the same log bytes.
 
     Args:
-        log: where to write the run, a file that must not exist.
+        log: where to write the run, a file that must not exist. A backend that could not solve a step leaves its state
+            beside it.
         report: is told where the script is.
         plan: of :func:`rtctl.planner.plan_of` for these settings, if it is known: a third of the time of a run.
 
@@ -75,6 +78,11 @@ def simulate(
         insert_array(operator, settings, lockstep.controller.robot, report)
     except RtctlError as error:
         failure = error
+    broken = failure_of(lockstep.backend)
+    if broken is not None:  # what the script ran into is only what followed from it
+        failure, state = broken
+        if log is not None:
+            log.with_suffix(FAILED_STEP_SUFFIX).write_bytes(state)
     lockstep.advance(LAST_TICKS)
     lockstep.command(Verb.DISABLE)
     lockstep.advance(LAST_TICKS)

@@ -26,7 +26,7 @@ def start(device, tick):
     _touch(device)
     begin_sweep(device.impedance)
     stand(device.sensor, device.pose)
-    bear(device.sensor, device.wrench, device.pose[2])
+    _bear(device)
     settle(device.sensor)
 
 
@@ -46,7 +46,7 @@ def advance(device):
     forward(device.robot, device.motor_angle, device.pose)  # where it fails the robot is held by its own joints
     _touch(device)
     swing(device.sensor, device.pose, device.period_s)
-    bear(device.sensor, device.wrench, device.pose[2])
+    _bear(device)
     follow(device.sensor)
 
 
@@ -88,6 +88,15 @@ def _touch(device):
         _load_wires(device)
     else:
         device.load_n[0] = device.load_n[1] = device.load_n[2] = device.load_gain = 0.0
+
+
+@kernel
+def _bear(device):
+    """What the sensor bears; the specimen lifts the array where it enters."""
+    pose, entry = device.pose, device.scala.entry_mm
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = entry[0] - pose[0], entry[1] - pose[1]
+    bear(device.sensor, device.wrench, pose[2], device.array.lift_n, c * x + s * y, c * y - s * x)
 
 
 @kernel

@@ -115,13 +115,6 @@ def begin_sweep(impedance):
 
 
 @kernel
-def dry(impedance):
-    """No contact is inside the cochlea."""
-    for k in range(CONTACTS):
-        impedance.modiolar_distance_mm[k] = math.nan
-
-
-@kernel
 def measure(impedance, seed, since_ticks):
     """Take the sample that is due so long after the session's first tick, if one is.
 

@@ -82,12 +82,13 @@ def _accelerate(sensor, i, speed, period_s):
 
 
 @kernel
-def bear(sensor, wrench_in_base, angle_rad):
+def bear(sensor, wrench_in_base, angle_rad, lift_n, along_mm, aside_mm):
     """The wrench on the sensor, into `load`: what touches the gripper tip, and weight and inertia of the module.
 
     The module's momentum changes by weight and touch less what the sensor bears: L = W + w - m a, and about the
     sensor's origin M = r x (W - m a) + M_w - I alpha.
     wrench_in_base: (f_x, f_y, m_z) of the surroundings on the gripper, about its tip. angle_rad: of the gripper.
+    lift_n: their force along z of {B}, which acts so far ahead and to the left of the gripper tip.
     """
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     along = c * wrench_in_base[0] + s * wrench_in_base[1]
@@ -96,13 +97,13 @@ def bear(sensor, wrench_in_base, angle_rad):
     wx = w[0] - N_PER_KG_MM_S2 * sensor.mass_kg * sensor.acceleration[0]
     wy = w[1] - N_PER_KG_MM_S2 * sensor.mass_kg * sensor.acceleration[1]
     gx, gy, gz = w[2], s * wx - c * wy, c * wx + s * wy
-    load[0] = gx
+    load[0] = gx + lift_n
     load[1] = gy - aside
     load[2] = gz + along
     load[3] = r[1] * gz - r[2] * gy + wrench_in_base[2] + sensor.lever_mm * aside
     load[3] -= N_PER_KG_MM_S2 * sensor.inertia_kg_mm2 * sensor.acceleration[2]
-    load[4] = r[2] * gx - r[0] * gz
-    load[5] = r[0] * gy - r[1] * gx
+    load[4] = r[2] * gx - r[0] * gz + (sensor.lever_mm + along_mm) * lift_n
+    load[5] = r[0] * gy - r[1] * gx + aside_mm * lift_n
 
 
 @kernel

@@ -8,6 +8,7 @@ from hal.errors import OptionError
 from hal.options import table_of
 from hal.signals import TICK, TIME, Signal, Table
 from rtctl import robots
+from rtctl.electrode.cochlea import SPIRAL_A_MM
 from rtctl.robots.planar_3rpr import PLANAR_3RPR
 from sim_backends.plant import impedance, scala, transmission
 from sim_backends.plant.ideal import idealised
@@ -35,6 +36,9 @@ SIGNALS = (
     Signal("array_tip_in_base_mm", "f8", (2,), "mm", "true tip of the array; NaN without one", "B"),
     Signal("array_node_in_base_mm", "f8", (2 * SHOWN,), "mm", "x, y of points, gripper to tip; NaN without array", "B"),
     Signal("contact_force_in_base_n", "f8", (2 * SHOWN,), "N", "x, y of everything that touches it, at those points", "B"),
+    Signal("entry_in_base_mm", "f8", (2,), "mm", "true centre of the cochleostomy", "B"),
+    Signal("insertion_angle_rad", "f8", (), "rad", "true bearing of the insertion direction", "B"),
+    Signal("cochlea_scale", "f8", (), "", "size of the true cochlea, as a multiple of the template"),
     Signal("array_depth_mm", "f8", (), "mm", "length of the array beyond the entry"),
     Signal("modiolar_wall_n", "f8", (), "N", "sum of normal forces of the modiolar wall"),
     Signal("lateral_wall_n", "f8", (), "N", "sum of normal forces of the lateral wall"),
@@ -128,6 +132,9 @@ def pack(options: PlantOptions, period_s: float, seed: int) -> np.ndarray:
     impedance.pack(options.impedance, options.inject, options.array.length_mm, period_s, seed, d["impedance"])
     scala.pack(options.anatomy, specimen(options), d["scala"])
     rod.pack(options.array, d["array"])
+    d["truth"]["entry_in_base_mm"] = options.anatomy.entry_in_base_mm
+    d["truth"]["insertion_angle_rad"] = options.anatomy.insertion_angle_rad
+    d["truth"]["cochlea_scale"] = options.anatomy.spiral_a_mm / SPIRAL_A_MM
     inject = options.inject
     for name in ("axes_silent", "wrench_silent", "wrench_saturated", "amplifier_fault", "jam"):
         after_s = getattr(inject, f"{name}_after_s")

@@ -41,7 +41,7 @@ def test_the_array_is_near_the_entry_before_the_approach_and_has_touched_nothing
     tip = truths["array_tip_in_base_mm"][planned]
     distance = np.linalg.norm(tip - records["pose_entry"][planned][:2])
     assert 0.3 < distance < 2.5
-    assert not truths["contacts"][: planned + 1].any()
+    assert not truths["contact_force_in_base_n"][: planned + 1].any()
 
 
 def test_log_holds_the_very_rows_and_replays_to_the_bit(insertion):

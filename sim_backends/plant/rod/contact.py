@@ -109,6 +109,8 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
         rod.modiolar_n += stiffness * (r - room)
     rod.touch_tangent[i, 0], rod.touch_tangent[i, 1] = tx, ty
     load = share * rod.edge_mm * scala.floor_load_n_per_mm
+    if i == rod.inside_from:
+        load += abs(rod.lift_n)
     dx, dy = rod.node_mm[i, 0] - rod.before_mm[i, 0], rod.node_mm[i, 1] - rod.before_mm[i, 1]
     slip = math.sqrt(dx * dx + dy * dy)
     hold = share * rod.edge_mm * scala.viscous_n_s_per_mm2 / step_s

@@ -129,7 +129,7 @@ def test_an_ideal_sensor_reads_weight_and_touch_to_the_last_digit(drive, loaded)
 def test_an_ideal_sensor_reads_a_touch_of_known_size(drive, wrench):
     one, pose, reading = drive(ideal("sensor")).device["sensor"], np.array([160.0, 0.0, 0.2]), np.zeros(6)
     sensor.stand(one, pose)
-    sensor.bear(one, np.array(wrench), 0.2)
+    sensor.bear(one, np.array(wrench), 0.2, 0.0, 0.0, 0.0)
     sensor.settle(one)
     assert sensor.sample(one, np.uint64(1), 5, reading)
     assert reading == pytest.approx(static_load(pose, wrench), abs=1e-12)

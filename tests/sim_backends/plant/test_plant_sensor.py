@@ -36,7 +36,7 @@ def test_the_axes_are_a_rotation():
 @settings(max_examples=40, deadline=None)
 @given(angle=st.floats(-3, 3), fx=st.floats(-2, 2), fy=st.floats(-2, 2), mz=st.floats(-20, 20))
 def test_load_is_the_touch_moved_to_the_sensor_plus_the_weight(sensor, angle, fx, fy, mz):
-    bear(sensor, np.array([fx, fy, mz]), angle)
+    bear(sensor, np.array([fx, fy, mz]), angle, 0.0, 0.0, 0.0)
     r = rotation_of_sensor_in_base(angle)
     touch, weight = r.T @ [fx, fy, 0], r.T @ sensor["weight_in_base_n"]
     assert np.linalg.norm(weight) == pytest.approx(1.5)
@@ -51,9 +51,9 @@ def sensor():
 
 
 def test_resistance_to_insertion_reads_as_a_negative_force_along_z(sensor):
-    bear(sensor, np.zeros(3), 0.0)
+    bear(sensor, np.zeros(3), 0.0, 0.0, 0.0, 0.0)
     empty = sensor["load"].copy()
-    bear(sensor, np.array([-0.2, 0.0, 0.0]), 0.0)
+    bear(sensor, np.array([-0.2, 0.0, 0.0]), 0.0, 0.0, 0.0, 0.0)
     assert (sensor["load"] - empty)[2] == pytest.approx(-0.2)
 
 
@@ -110,11 +110,11 @@ def inertia_of(sensor, poses):
     loads = []
     for pose in poses[1:]:
         swing(sensor, pose, PERIOD_S)
-        bear(sensor, np.zeros(3), pose[2])
+        bear(sensor, np.zeros(3), pose[2], 0.0, 0.0, 0.0)
         moved = sensor["load"].copy()
         kept = sensor["acceleration"].copy()
         sensor["acceleration"] = 0.0
-        bear(sensor, np.zeros(3), pose[2])
+        bear(sensor, np.zeros(3), pose[2], 0.0, 0.0, 0.0)
         sensor["acceleration"] = kept
         loads.append(moved - sensor["load"])
     sensor["acceleration"] = 0.0

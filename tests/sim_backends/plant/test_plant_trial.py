@@ -142,7 +142,7 @@ def test_the_bench_feels_a_left_ear_as_the_weight_turned_over_and_nothing_else()
     read_by = {}
     for side in ("right", "left"):
         d = PlantBackend({"trial": {"side": side}}, period_s=0.001, seed=1).compiled().device[0]
-        bear(d["sensor"], np.zeros(3), 0.4)
+        bear(d["sensor"], np.zeros(3), 0.4, 0.0, 0.0, 0.0)
         read_by[side] = d["sensor"]["load"].copy(), d["sensor"]["weight_in_base_n"].copy()
     (right, weight), (left, turned) = read_by["right"], read_by["left"]
     assert turned == pytest.approx(np.diag([1.0, -1.0, -1.0]) @ weight)
@@ -157,7 +157,7 @@ def test_the_bench_is_made_of_what_was_drawn_and_tells_it():
     backend = PlantBackend({"trial": {"scatter": True, "lateral_mm": 0.5}}, period_s=0.001, seed=11)
     assert backend.options.trial.scatter
     assert backend.drawn == draw(backend.options, 11)
-    anatomy = backend.compiled().device[0]["anatomy"]
+    anatomy = backend.compiled().device[0]["scala"]
     assert anatomy["entry_mm"] == pytest.approx(backend.drawn.anatomy.entry_in_base_mm)
     values = backend.drawn_values()
     assert values["lateral_mm"] == told(sample(backend.options, 11))["lateral_mm"]
