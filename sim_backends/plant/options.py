@@ -201,8 +201,8 @@ class Phantom:
     wall_stiffness_n_per_mm2: float = option(
         3.9, low=0.2, high=50.0, unit="N/mm^2", doc="of wall, lip and bone per length of array: silicone indents"
     )
-    friction: float = option(0.42, low=0.0, high=1.0, doc="kinetic Coulomb coefficient between array and specimen")
-    friction_static: float = option(0.46, low=0.0, high=1.2, doc="the same at rest, at least the kinetic one")
+    friction: float = option(0.3, low=0.0, high=1.0, doc="kinetic Coulomb coefficient between array and specimen")
+    friction_static: float = option(0.315, low=0.0, high=1.2, doc="the same at rest, at least the kinetic one")
     stribeck_mm_per_s: float = option(
         0.25, low=0.01, high=5.0, unit="mm/s", doc="speed at which friction has fallen most of the way to kinetic"
     )
@@ -210,7 +210,7 @@ class Phantom:
         0.0, low=0.0, high=0.1, unit="N s/mm^2", doc="drag of the lubricant per inserted length and speed"
     )
     floor_load_n_per_mm: float = option(
-        0.01, low=0.0, high=0.2, unit="N/mm", doc="how hard floor and lid press on an inserted length; it only rubs"
+        0.02, low=0.0, high=0.2, unit="N/mm", doc="how hard floor and lid press on an inserted length; it only rubs"
     )
     lateral_sd_mm: float = option(0.12, low=0.0, high=2.0, unit="mm", doc="scatter of the registered entry, in plane")
     out_of_plane_sd_mm: float = option(0.2, low=0.0, high=2.0, unit="mm", doc="the same across the plane")
@@ -272,7 +272,7 @@ class Array:
         1.0, low=0.3, high=2.0, unit="N mm^2", doc="the same 15 mm behind the tip, linear between them"
     )
     stylet_bending_nmm2: float = option(4.2, low=1.0, high=8.0, unit="N mm^2", doc="bending stiffness of the stylet")
-    curvature_tip_per_mm: float = option(1.1, low=0.5, high=1.3, unit="1/mm", doc="of the released array, at its tip")
+    curvature_tip_per_mm: float = option(1.0, low=0.5, high=1.3, unit="1/mm", doc="of the released array, at its tip")
     curvature_base_per_mm: float = option(
         0.1, low=0.0, high=0.2, unit="1/mm", doc="the same 15 mm behind the tip, quadratic between them as in 02"
     )
