@@ -104,9 +104,7 @@ class Laboratory:
         self._pool.shutdown(cancel_futures=True)
 
 
-def curves(
-    settings: Settings, plan: Plan, seed: int
-) -> tuple[np.ndarray, np.ndarray, bool, bool, float, str]:
+def curves(settings: Settings, plan: Plan, seed: int) -> tuple[np.ndarray, np.ndarray, bool, bool, float, str]:
     """Force curves (m,) of one insertion, fold and buckle, largest lateral correction [mm], and why it ended early."""
     result = simulate(settings, seed, plan=plan)
     recording = result.recording

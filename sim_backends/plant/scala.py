@@ -17,6 +17,9 @@ from sim_backends.plant.rod.state import POSTS
 ARC_STEP_MM = 0.1
 LAST_DEG = 700.0
 WALL_POINTS = 290
+_MEAN = np.full(5, 0.2)
+SMOOTHING = 2 * np.pad(_MEAN, 2) - np.convolve(_MEAN, _MEAN)
+"""Rounds off a kink and leaves circles where they are."""
 ACCESS_RAD = math.radians(12.0)
 """The facial recess is looked through so far beside the insertion direction: the gripper's mean orientation (02 section 5)."""
 RECESS_RADIUS_MM = 0.5
@@ -42,11 +45,7 @@ SCALA = np.dtype(
         ("post_mm", "f8", (POSTS, 2)),
         ("post_radius_mm", "f8", (POSTS,)),
         ("post_normal", "f8", (POSTS, 2)),  # from the post towards where the array may be
-        ("x_mm", "f8", (WALL_POINTS,)),
-        ("y_mm", "f8", (WALL_POINTS,)),
-        ("tangent", "f8", (WALL_POINTS, 2)),
-        ("curvature_per_mm", "f8", (WALL_POINTS,)),
-        ("width_mm", "f8", (WALL_POINTS,)),
+        ("wall", "f8", (WALL_POINTS - 1, 4, 3)),  # cubics in arc length for x, y and width, one set for every step
     ],
     align=True,
 )
@@ -84,13 +83,15 @@ def pack(anatomy: Anatomy, tissue: Phantom, record: np.ndarray) -> None:
 
 def put_walls(record: np.ndarray, lateral_mm: np.ndarray, width_mm: np.ndarray, arc_step_mm: float) -> None:
     """A channel from points (WALL_POINTS, 2) of its right wall in {B}, `arc_step_mm` apart, and its widths."""
-    bearing = np.unwrap(np.arctan2(*np.gradient(lateral_mm, axis=0).T[::-1]))
-    bearing[2:-2] = np.convolve(bearing, np.full(5, 0.2), mode="valid")
+    table = np.column_stack((lateral_mm, width_mm))
+    table[4:-4, :2] = np.stack([np.convolve(p, SMOOTHING, mode="valid") for p in lateral_mm.T], axis=1)
+    slope = np.gradient(table, arc_step_mm, axis=0)
+    chord = np.diff(table, axis=0) / arc_step_mm
     record["arc_step_mm"] = arc_step_mm
-    record["x_mm"], record["y_mm"] = lateral_mm.T
-    record["tangent"] = np.stack((np.cos(bearing), np.sin(bearing)), axis=1)
-    record["curvature_per_mm"] = np.gradient(bearing, arc_step_mm)
-    record["width_mm"] = width_mm
+    wall = record["wall"]
+    wall[:, 0], wall[:, 1] = table[:-1], slope[:-1]
+    wall[:, 2] = (3 * chord - 2 * slope[:-1] - slope[1:]) / arc_step_mm
+    wall[:, 3] = (slope[:-1] + slope[1:] - 2 * chord) / arc_step_mm**2
 
 
 def put_tissue(record: np.ndarray, tissue: Phantom) -> None:
@@ -120,17 +121,16 @@ def _put_posts(record: np.ndarray, anatomy: Anatomy, entry: np.ndarray, axis: np
 @kernel
 def wall_at(scala, arc_mm):
     """Lateral wall at an arc length: x, y [mm], tangent x, y, curvature [1/mm], width of the scala [mm], its slope."""
-    place = min(max(arc_mm / scala.arc_step_mm, 0.0), WALL_POINTS - 1.001)
-    i = int(place)
-    t = place - i
-    u = 1.0 - t
-    x0, y0, x1, y1 = scala.x_mm[i], scala.y_mm[i], scala.x_mm[i + 1], scala.y_mm[i + 1]
-    w0, w1 = scala.width_mm[i], scala.width_mm[i + 1]
-    tx = u * scala.tangent[i, 0] + t * scala.tangent[i + 1, 0]
-    ty = u * scala.tangent[i, 1] + t * scala.tangent[i + 1, 1]
+    i = int(min(max(arc_mm / scala.arc_step_mm, 0.0), WALL_POINTS - 2.0))
+    s = min(max(arc_mm, 0.0), (WALL_POINTS - 1) * scala.arc_step_mm) - i * scala.arc_step_mm
+    c = scala.wall[i]
+    x = c[0, 0] + s * (c[1, 0] + s * (c[2, 0] + s * c[3, 0]))
+    y = c[0, 1] + s * (c[1, 1] + s * (c[2, 1] + s * c[3, 1]))
+    width = c[0, 2] + s * (c[1, 2] + s * (c[2, 2] + s * c[3, 2]))
+    tx = c[1, 0] + s * (2.0 * c[2, 0] + s * 3.0 * c[3, 0])
+    ty = c[1, 1] + s * (2.0 * c[2, 1] + s * 3.0 * c[3, 1])
+    slope = c[1, 2] + s * (2.0 * c[2, 2] + s * 3.0 * c[3, 2])
+    kx, ky = 2.0 * c[2, 0] + s * 6.0 * c[3, 0], 2.0 * c[2, 1] + s * 6.0 * c[3, 1]
     size = 1.0 / math.sqrt(tx * tx + ty * ty)
-    curvature = u * scala.curvature_per_mm[i] + t * scala.curvature_per_mm[i + 1]
-    sagitta = 0.5 * curvature * u * t * scala.arc_step_mm * scala.arc_step_mm  # the chord lies so far inside the arc
-    x = u * x0 + t * x1 + sagitta * ty
-    y = u * y0 + t * y1 - sagitta * tx
-    return x, y, tx * size, ty * size, curvature, u * w0 + t * w1, (w1 - w0) / scala.arc_step_mm
+    curvature = (tx * ky - ty * kx) * size * size * size
+    return x, y, tx * size, ty * size, curvature, width, slope * size

@@ -16,9 +16,12 @@ FOOT_PACE_MM = 0.25
 """A foot moves at most so far at a time, many times as fast as an array is ever moved."""
 FOOT_UNIQUE = 0.8
 """Nearer to the wall's centre of curvature than this share of its radius a node keeps the foot it has."""
+FOOT_NEAR_MM = 5e-3
+"""Less than this along the wall is left to a series of second order: what it leaves out is below 1e-8 mm."""
+FOOT_STEPS = 6
 FIND_STEPS = 8
-SLACK_MM = 0.3
-"""A node that passes the plane of the entry this far outside the lips has still come through the hole."""
+ROUND_MM = 0.05
+"""Nearer to a post's middle its push turns so fast with the place that the Hessian leaves it at that."""
 RECESS = 2
 """Posts from this one on are not lips: they have the array between them from the start."""
 RIM_MM = 0.3
@@ -71,12 +74,19 @@ def _face(rod, i, ax, ay, aside, rim, stiffness, sunk):
     beyond = abs(aside) - rim
     if beyond <= 0.0:
         return
-    share = min(beyond / RIM_MM, 1.0)
+    row, u = 2 * (rod.segments - i), min(beyond / RIM_MM, 1.0)
+    share = u * u * (3.0 - 2.0 * u)
     _push(rod, i, -ax, -ay, share * stiffness, sunk)
     rod.face_n += share * stiffness * sunk
-    if share < 1.0:
-        inwards = math.copysign(0.5 * stiffness * sunk * sunk / RIM_MM, -aside)
-        _pull(rod, i, 2 * (rod.segments - i), -ay * inwards, ax * inwards)
+    if u < 1.0:
+        slope = 6.0 * u * (1.0 - u) / RIM_MM * stiffness * sunk
+        inwards = math.copysign(0.5 * slope * sunk, -aside)
+        _pull(rod, i, row, -ay * inwards, ax * inwards)
+        _stiffen(rod, row, -ay, ax, (3.0 - 6.0 * u) / (RIM_MM * RIM_MM) * stiffness * sunk * sunk)
+        cross = math.copysign(slope, aside)
+        rod.band[row, 0] -= 2.0 * cross * ax * ay
+        rod.band[row, 1] += cross * (ax * ax - ay * ay)
+        rod.band[row + 1, 0] += 2.0 * cross * ax * ay
     rod.touch_tangent[i, 0], rod.touch_tangent[i, 1] = -ay, ax
 
 
@@ -92,20 +102,36 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     """Both walls, floor and lid on node i, which is inside."""
     cx, cy = _centre(rod, i)
     r, foot = rod.radius_mm[i], rod.foot_mm[i]
-    wx, wy, tx, ty, curvature, width, slope = wall_at(scala, foot)
-    gap = (cy - wy) * tx - (cx - wx) * ty
-    if curvature * gap < FOOT_UNIQUE:
-        along = ((cx - wx) * tx + (cy - wy) * ty) / (1.0 - curvature * gap)
-        rod.foot_mm[i] = foot + min(max(along, -FOOT_PACE_MM), FOOT_PACE_MM)
+    for _ in range(FOOT_STEPS):
+        wx, wy, tx, ty, curvature, width, slope = wall_at(scala, foot)
+        gap = (cy - wy) * tx - (cx - wx) * ty
+        ahead, along = 0.0, 0.0
+        if curvature * gap >= FOOT_UNIQUE:
+            break
+        along = (cx - wx) * tx + (cy - wy) * ty
+        ahead = min(max(along / (1.0 - curvature * gap), -FOOT_PACE_MM), FOOT_PACE_MM)
+        foot += ahead
+        if abs(ahead) < FOOT_NEAR_MM:
+            break
+    rod.foot_mm[i] = foot
+    # what little is left of the way to the foot, to second order
+    turn = curvature * ahead
+    gap -= 0.5 * turn * along
+    width += slope * ahead
+    tx, ty = tx - turn * ty, ty + turn * tx
+    bend = curvature / max(1.0 - curvature * gap, 1.0 - FOOT_UNIQUE) if ahead != 0.0 else 0.0
+    row = 2 * (rod.segments - i)
     if gap < r:
         _push(rod, i, -ty, tx, stiffness, r - gap)
+        _stiffen(rod, row, tx, ty, stiffness * (r - gap) * bend)
         rod.lateral_n += stiffness * (r - gap)
     room = width - gap
     rod.modiolar_gap_mm[i] = room - r
     if room < r:
         # the width changes along the wall: the slope of the distance is not quite the normal
-        tilt = slope / max(1.0 - curvature * gap, 1.0 - FOOT_UNIQUE)
+        tilt = slope / max(1.0 - curvature * gap, 1.0 - FOOT_UNIQUE) if ahead != 0.0 else 0.0
         _push(rod, i, ty + tilt * tx, -tx + tilt * ty, stiffness, r - room)
+        _stiffen(rod, row, tx, ty, -stiffness * (r - room) * bend)
         rod.modiolar_n += stiffness * (r - room)
     rod.touch_tangent[i, 0], rod.touch_tangent[i, 1] = tx, ty
     load = share * rod.edge_mm * scala.floor_load_n_per_mm
@@ -121,7 +147,6 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
         hold += scala.friction * load / far
         stiff += scala.friction * load / far * (1.0 if secant else curb(far, step_s))
         rod.energy_nmm += scala.friction * load * far
-    row = 2 * (rod.segments - i)
     rod.band[row, 0] += stiff
     rod.band[row + 1, 0] += stiff
     _pull(rod, i, row, -hold * dx, -hold * dy)
@@ -168,64 +193,156 @@ def _stiffen(rod, row, nx, ny, stiffness):
 
 
 @kernel
-def _nearest(rod, edge, px, py):
-    """Where edge `edge` passes a point: share of the edge, vector from the point to it."""
+def _toward(rod, edge, px, py):
+    """How a point lies beside an edge: its share along it, clamped; unit vector to it and distance; left (1) or right (-1).
+
+    At an end of the edge the vector points from that end.
+    """
     ax, ay = _centre(rod, edge)
     bx, by = _centre(rod, edge + 1)
-    ux, uy = bx - ax, by - ay
-    t = ((px - ax) * ux + (py - ay) * uy) / (ux * ux + uy * uy)
-    t = min(max(t, 0.0), 1.0)
-    return t, ax + t * ux - px, ay + t * uy - py
+    ux, uy, dx, dy = bx - ax, by - ay, px - ax, py - ay
+    square = ux * ux + uy * uy
+    along, across = dx * ux + dy * uy, ux * dy - uy * dx
+    side = 1.0 if across >= 0.0 else -1.0
+    if 0.0 < along < square:
+        inverse = 1.0 / math.sqrt(square)
+        return along * inverse * inverse, -side * uy * inverse, side * ux * inverse, abs(across) * inverse, side
+    t = 0.0
+    if along > 0.0:
+        t, dx, dy = 1.0, px - bx, py - by
+    distance = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    return t, dx / distance, dy / distance, distance, side
+
+
+@kernel
+def _foremost(rod, edge, px, py):
+    """From `edge` on along the line to an edge that has the point beside it, or the first of two that have it between."""
+    up = False
+    while True:
+        t, _, _, _, _ = _toward(rod, edge, px, py)
+        if t <= 0.0 and edge > 1:
+            if up:
+                return edge - 1
+            edge -= 1
+            t, _, _, _, _ = _toward(rod, edge, px, py)
+            if t >= 1.0:
+                return edge
+        elif t >= 1.0 and edge < rod.segments - 1:
+            edge += 1
+            up = True
+        else:
+            return edge
 
 
 @kernel
 def _post(rod, scala, post):
-    """One lip of the entry or side of the recess against the edge that is nearest to it, and those beside."""
-    px, py = scala.post_mm[post, 0], scala.post_mm[post, 1]
-    edge = rod.post_edge[post]
-    t, dx, dy = _nearest(rod, edge, px, py)
-    square = dx * dx + dy * dy
-    for way in (-1, 1):  # walk downhill to the nearest edge
-        while 1 <= edge + way <= rod.segments - 1:
-            t2, dx2, dy2 = _nearest(rod, edge + way, px, py)
-            if dx2 * dx2 + dy2 * dy2 >= square:
-                break
-            edge, t, dx, dy, square = edge + way, t2, dx2, dy2, dx2 * dx2 + dy2 * dy2
-    rod.post_edge[post] = edge
+    """One lip of the entry or side of the recess against the edges it is in.
+
+    The distance to a line of edges has a kink where two of them are equally near. So every edge that has the post
+    beside it presses, and so does a corner that has it in front, while a corner between two such edges, which both of
+    them count, presses back once. That is one spring along a straight line, and has no kinks.
+    """
     rod.post_press_n[post] = 0.0
-    distance = math.sqrt(square)
-    if distance >= rod.post_reach_mm[post]:
-        if dx * scala.post_normal[post, 0] + dy * scala.post_normal[post, 1] > 0.0:
-            rod.post_met[post] = 1
+    if not rod.post_met[post]:
         return
-    if not rod.post_met[post] or distance == 0.0:
-        return  # until the array lies between the posts it is being threaded through by hand
-    touch = rod.post_touch[post]
-    touch[0], touch[1], touch[2], touch[3] = edge, t, -dy / distance, dx / distance
-    _press_post(rod, scala, post, edge)
-    for way in (-1, 1):
-        e = edge + way
-        while 1 <= e <= rod.segments - 1 and _press_post(rod, scala, post, e):
-            e += way
+    px, py, reach = scala.post_mm[post, 0], scala.post_mm[post, 1], rod.post_reach_mm[post]
+    edge = rod.post_edge[post]
+    dx, dy = px - rod.node_mm[edge, 0], py - rod.node_mm[edge, 1]
+    far = 2.0 * reach + 3.0 * rod.edge_mm
+    if dx * dx + dy * dy > far * far:
+        return
+    first = edge = _foremost(rod, edge, px, py)
+    last, side = edge, rod.post_side[post]
+    _, _, _, _, left_here = _toward(rod, edge, px, py)
+    while first > 1:
+        first -= 1
+        _, _, _, distance, _ = _toward(rod, first, px, py)
+        if distance >= reach:
+            break
+    while last < rod.segments - 1:
+        last += 1
+        _, _, _, distance, _ = _toward(rod, last, px, py)
+        if distance >= reach:
+            break
+    stiffness = rod.post_share[post] * scala.stiffness_n_per_mm2 * reach
+    t, nx, ny, distance, left = _toward(rod, first, px, py)
+    if first == 1 and t <= 0.0:
+        _press_corner(rod, post, 1, nx, ny, distance, 1.0, stiffness)
+    for e in range(first, last + 1):
+        sign = 1.0 if side == 0 else side * left
+        if 0.0 < t < 1.0 and (distance < reach or left == left_here):
+            _press_edge(rod, post, e, t, sign * nx, sign * ny, sign * distance, stiffness)
+        if e == last:
+            if e == rod.segments - 1 and t >= 1.0:
+                _press_corner(rod, post, e + 1, nx, ny, distance, 1.0, stiffness)
+            return
+        at_end = t >= 1.0
+        t, nx, ny, distance, left = _toward(rod, e + 1, px, py)
+        if at_end == (t <= 0.0):
+            cx, cy = _centre(rod, e + 1)
+            dx, dy = px - cx, py - cy
+            d = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+            if side * left > 0.0:
+                sign = 1.0
+            _press_corner(rod, post, e + 1, sign * dx / d, sign * dy / d, sign * d, 1.0 if at_end else -1.0, stiffness)
 
 
 @kernel
-def _press_post(rod, scala, post, edge):
-    """A post pushes away an edge that is in it; whether it is."""
-    t, dx, dy = _nearest(rod, edge, scala.post_mm[post, 0], scala.post_mm[post, 1])
-    distance = math.sqrt(dx * dx + dy * dy)
-    if distance == 0.0:
-        return False
-    if post < RECESS and rod.inside_from <= rod.segments and _in_bone(scala, post, dx, dy):
-        distance = -distance
+def _press_corner(rod, post, i, nx, ny, distance, weight, stiffness):
+    """A post at a signed distance along n from the body beside node i pushes it away, or with weight -1 takes that back."""
     sunk = rod.post_reach_mm[post] - distance
     if sunk <= 0.0:
-        return False
-    stiffness = rod.post_share[post] * scala.stiffness_n_per_mm2 * rod.post_reach_mm[post]
-    rod.post_press_n[post] += stiffness * sunk
-    rod.energy_nmm += 0.5 * stiffness * sunk * sunk
-    _share(rod, edge, t, dx / distance, dy / distance, stiffness, stiffness * sunk)
-    return True
+        return
+    k, row = weight * stiffness, 2 * (rod.segments - i)
+    rod.post_press_n[post] += k * sunk
+    rod.energy_nmm += 0.5 * k * sunk * sunk
+    _stiffen(rod, row, nx, ny, k)
+    _stiffen(
+        rod, row, -ny, nx, -k * sunk / (distance if abs(distance) > ROUND_MM else math.copysign(ROUND_MM, distance))
+    )
+    _pull(rod, i, row, -k * sunk * nx, -k * sunk * ny)
+
+
+@kernel
+def _press_edge(rod, post, edge, t, nx, ny, distance, stiffness):
+    """A post at a signed distance along n from share t of an edge pushes it away; all of its Hessian.
+
+    distance = n (post - near node): its second derivatives are those of n, which turns with the edge, and of t.
+    """
+    sunk = rod.post_reach_mm[post] - distance
+    if sunk <= 0.0:
+        return
+    force, u = stiffness * sunk, 1.0 - t
+    rod.post_press_n[post] += force
+    rod.energy_nmm += 0.5 * force * sunk
+    ex, ey = rod.node_mm[edge + 1, 0] - rod.node_mm[edge, 0], rod.node_mm[edge + 1, 1] - rod.node_mm[edge, 1]
+    ex -= rod.radius_mm[edge + 1] * rod.normal[edge + 1, 0] - rod.radius_mm[edge] * rod.normal[edge, 0]
+    ey -= rod.radius_mm[edge + 1] * rod.normal[edge + 1, 1] - rod.radius_mm[edge] * rod.normal[edge, 1]
+    square = ex * ex + ey * ey
+    ex, ey, lever = ex / square, ey / square, force / square * distance
+    near, far, band = 2 * (rod.segments - edge), 2 * (rod.segments - edge - 1), rod.band
+    # k c c^T - f (a b^T + b a^T) + f d b b^T with c = (u n, t n), a = (u e, t e) / |e|^2, b = (-n, n), d = distance / |e|^2
+    xx, xy, yy = nx * nx, nx * ny, ny * ny
+    exx, exy, eyx, eyy = ex * nx, ex * ny, ey * nx, ey * ny
+    k = u * u * stiffness + lever
+    f = -force * u
+    band[near, 0] += k * xx - 2.0 * f * exx
+    band[near, 1] += k * xy - f * (exy + eyx)
+    band[near + 1, 0] += k * yy - 2.0 * f * eyy
+    k = t * t * stiffness + lever
+    g = force * t
+    band[far, 0] += k * xx - 2.0 * g * exx
+    band[far, 1] += k * xy - g * (exy + eyx)
+    band[far + 1, 0] += k * yy - 2.0 * g * eyy
+    # far row, near column: a_far b_near^T + b_far a_near^T = -t e n^T + u n e^T
+    k = t * u * stiffness - lever
+    p, q = force * t, force * u
+    band[far, 2] += k * xx + p * exx - q * exx
+    band[far, 3] += k * xy + p * exy - q * eyx
+    band[far + 1, 1] += k * xy + p * eyx - q * exy
+    band[far + 1, 2] += k * yy + p * eyy - q * eyy
+    _pull(rod, edge, near, -u * force * nx, -u * force * ny)
+    _pull(rod, edge + 1, far, -t * force * nx, -t * force * ny)
 
 
 @kernel
@@ -250,13 +367,6 @@ def _slip(rod, edge, t, tx, ty):
 
 
 @kernel
-def _in_bone(scala, post, dx, dy):
-    """Whether the way from a lip's middle to the array leads into the bone behind it instead of into the hole."""
-    deeper = dx * scala.axis[0] + dy * scala.axis[1] > 0.0
-    return deeper and dx * scala.post_normal[post, 0] + dy * scala.post_normal[post, 1] < 0.0
-
-
-@kernel
 def keep_grip(rod, scala, step_s):
     """After a step: where every contact rubs in the next one, and the friction it may take."""
     for i in range(2, rod.segments + 1):
@@ -268,11 +378,14 @@ def keep_grip(rod, scala, step_s):
             rod.tangent[i, 0], rod.tangent[i, 1] = tx, ty
     for post in range(POSTS):
         rod.post_grip_n[post] = 0.0
-        if rod.post_press_n[post] > 0.0:
-            rub, touched = rod.post_rub[post], rod.post_touch[post]
-            for k in range(4):
-                rub[k] = touched[k]
-            slip = _slip(rod, int(rub[0]), rub[1], rub[2], rub[3])
+        if rod.post_press_n[post] <= 0.0:
+            rod.post_side[post] = 0
+        else:
+            edge = _foremost(rod, rod.post_edge[post], scala.post_mm[post, 0], scala.post_mm[post, 1])
+            t, nx, ny, _, _ = _toward(rod, edge, scala.post_mm[post, 0], scala.post_mm[post, 1])
+            rub = rod.post_rub[post]
+            rub[0], rub[1], rub[2], rub[3] = edge, t, -ny, nx
+            slip = _slip(rod, edge, t, -ny, nx)
             rod.post_grip_n[post] = grip(scala, rod.post_press_n[post], slip, step_s)
 
 
@@ -302,33 +415,29 @@ def _itself(rod, stiffness):
             apex, sharpest = i, abs(rod.turn_rad[i])
     for i in range(apex + 3, n + 1):
         cx, cy = _centre(rod, i)
-        best, where, share, bx, by = math.inf, -1, 0.0, 0.0, 0.0
+        best, where, share, ux, uy = math.inf, -1, 0.0, 0.0, 0.0
         for edge in range(max(2 * apex - i - SELF_WINDOW, 2), min(2 * apex - i + SELF_WINDOW, apex - 3)):
-            t, dx, dy = _nearest(rod, edge, cx, cy)
-            if dx * dx + dy * dy < best:
-                best, where, share, bx, by = dx * dx + dy * dy, edge, t, dx, dy
-        distance = math.sqrt(best)
-        sunk = 2.0 * rod.radius_mm[i] - distance
-        if where >= 0 and sunk > 0.0 and distance > 0.0:
-            ux, uy = bx / distance, by / distance
+            t, nx, ny, distance, _ = _toward(rod, edge, cx, cy)
+            if distance < best:
+                best, where, share, ux, uy = distance, edge, t, nx, ny
+        sunk = 2.0 * rod.radius_mm[i] - best
+        if where >= 0 and sunk > 0.0:
             rod.self_n += stiffness * sunk
             row = 2 * (n - i)
             rod.energy_nmm += 0.5 * stiffness * sunk * sunk
             _stiffen(rod, row, ux, uy, 2.0 * stiffness)
-            _pull(rod, i, row, -stiffness * sunk * ux, -stiffness * sunk * uy)
-            _share(rod, where, share, ux, uy, 2.0 * stiffness, stiffness * sunk)
+            _pull(rod, i, row, stiffness * sunk * ux, stiffness * sunk * uy)
+            _share(rod, where, share, ux, uy, 2.0 * stiffness, -stiffness * sunk)
 
 
 @kernel
 def enter(rod, scala):
     """Before a step: which nodes are beyond the entry, and the foot of each that has come in; posts near the gripper."""
     for post in range(POSTS):
-        place = (rod.post_edge[post] + 0.5) * rod.edge_mm
-        rod.post_reach_mm[post] = scala.post_radius_mm[post] + rod.radius_mm[rod.post_edge[post]]
-        rod.post_share[post] = min(max((place - FREE_MM) / FREE_MM, 0.0), 1.0) if post >= RECESS else 1.0
+        _follow(rod, scala, post)
     n = rod.segments
     ex, ey, ax, ay = scala.entry_mm[0], scala.entry_mm[1], scala.axis[0], scala.axis[1]
-    reach = scala.hole_radius_mm + scala.lip_radius_mm + SLACK_MM
+    reach = scala.hole_radius_mm + scala.lip_radius_mm
     while rod.inside_from <= n:
         i = rod.inside_from
         if (rod.node_mm[i, 0] - ex) * ax + (rod.node_mm[i, 1] - ey) * ay >= 0.0:
@@ -338,13 +447,32 @@ def enter(rod, scala):
     while rod.inside_from > 2:
         i = rod.inside_from - 1
         depth = (rod.node_mm[i, 0] - ex) * ax + (rod.node_mm[i, 1] - ey) * ay
-        aside = (rod.node_mm[i, 1] - ey) * ax - (rod.node_mm[i, 0] - ex) * ay
-        if depth < 0.0 or abs(aside - rod.radius_mm[i]) > reach:
+        cx, cy = _centre(rod, i)
+        if depth < 0.0 or abs((cy - ey) * ax - (cx - ex) * ay) > reach:
             break
         rod.inside_from = i
         rod.grip_n[i] = 0.0
         rod.foot_mm[i] = scala.entry_arc_mm if i == n else rod.foot_mm[i + 1] - rod.edge_mm
         _find_foot(rod, scala, i)
+
+
+@kernel
+def _follow(rod, scala, post):
+    """Before a step: the edge a post is beside, on which side, and how far and how hard it presses all through the step."""
+    px, py = scala.post_mm[post, 0], scala.post_mm[post, 1]
+    edge = rod.post_edge[post] = _foremost(rod, rod.post_edge[post], px, py)
+    rod.post_reach_mm[post] = scala.post_radius_mm[post] + rod.radius_mm[edge]
+    place = (edge + 0.5) * rod.edge_mm
+    rod.post_share[post] = min(max((place - FREE_MM) / FREE_MM, 0.0), 1.0) if post >= RECESS else 1.0
+    t, _, _, distance, left = _toward(rod, edge, px, py)
+    side = 1 if left > 0.0 else -1
+    ahead = edge == rod.segments - 1 and t >= 1.0
+    if distance >= rod.post_reach_mm[post] and (post < RECESS or ahead or side == 1 - 2 * (post % 2)):
+        rod.post_met[post] = 1  # until the array lies between the sides of the recess it is threaded through by hand
+    if ahead or not rod.post_met[post]:
+        rod.post_side[post] = 0  # it can still pass the tip on either side
+    elif rod.post_side[post] == 0:
+        rod.post_side[post] = side
 
 
 @kernel

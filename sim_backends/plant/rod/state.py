@@ -61,13 +61,13 @@ ROD = np.dtype(
         ("touch_tangent", "f8", (MAX_NODES, 2)),  # of what it touches in this step
         ("force_n", "f8", (MAX_NODES, 2)),  # of everything around on node i
         ("post_edge", "i8", (POSTS,)),  # edge nearest to the post
+        ("post_side", "i8", (POSTS,)),  # left (1) or right (-1) of the line, where it stays; 0: beyond the tip
         ("post_met", "u1", (POSTS,)),  # it has lain on the right side of the post, which counts from then on
         ("post_grip_n", "f8", (POSTS,)),
         ("post_reach_mm", "f8", (POSTS,)),  # radius of post and array together, the same all through a step
         ("post_share", "f8", (POSTS,)),  # of its stiffness: none where the gripper is
         ("post_press_n", "f8", (POSTS,)),
         ("post_rub", "f8", (POSTS, 4)),  # where it rubs: edge, share of it, tangent
-        ("post_touch", "f8", (POSTS, 4)),  # the same of what it touches in this step
         ("modiolar_n", "f8"),
         ("lateral_n", "f8"),
         ("face_n", "f8"),

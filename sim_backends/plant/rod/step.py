@@ -48,7 +48,7 @@ def lift(rod):
         rod.stiffness[k] = 0.0
     for post in range(POSTS):
         rod.post_press_n[post] = rod.post_grip_n[post] = 0.0
-        rod.post_edge[post], rod.post_met[post] = n - 1, 0
+        rod.post_edge[post], rod.post_met[post], rod.post_side[post] = n - 1, 0, 0
 
 
 @kernel
