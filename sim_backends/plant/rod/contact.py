@@ -467,7 +467,7 @@ def _follow(rod, scala, post):
     t, _, _, distance, left = _toward(rod, edge, px, py)
     side = 1 if left > 0.0 else -1
     ahead = edge == rod.segments - 1 and t >= 1.0
-    if distance >= rod.post_reach_mm[post] and (post < RECESS or ahead or side == 1 - 2 * (post % 2)):
+    if distance >= rod.post_reach_mm[post] and (post < RECESS or side == 1 - 2 * (post % 2)):
         rod.post_met[post] = 1  # until the array lies between the sides of the recess it is threaded through by hand
     if ahead or not rod.post_met[post]:
         rod.post_side[post] = 0  # it can still pass the tip on either side
