@@ -17,6 +17,7 @@ from rtctl.campaign import workers
 from rtctl.campaign.table import CampaignError
 from rtctl.cli import main
 from rtctl.cli.exit_codes import Exit
+from rtctl.lockstep import Lockstep
 from rtctl.planner import plan_of
 from rtctl.settings import load
 from rtctl.summary import FIGURES
@@ -88,6 +89,11 @@ def test_a_table_cut_in_the_middle_of_a_line_becomes_the_same_table(settings, ta
     assert path.read_bytes() == table.read_bytes()
     campaign.run(settings, SEEDS, path)
     assert run_again == [SEEDS[-1]]
+
+
+def test_insertions_of_a_process_share_one_machine_code(settings):
+    """It is never given back: with code of its own a thousand insertions would take gigabytes."""
+    assert Lockstep(settings, 0).run is Lockstep(settings, 1).run
 
 
 def test_other_settings_do_not_go_into_the_table(table, tmp_path):
