@@ -44,7 +44,7 @@ def draw(run: Run) -> Figure | None:
         return None
     place = Placement.of_registration(entry)
     truth = _true_rows(run)
-    true_place = _true_placement(run)
+    true_place = true_placement(run.recording.truths)
     picks = [int(np.argmax(run.inserting["depth_mm"] >= share * run.depth_mm - 1e-9)) for share in SHARES]
     walls = place.walls()
     low, high = np.min(np.vstack(walls), axis=0), np.max(np.vstack(walls), axis=0)
@@ -59,7 +59,7 @@ def draw(run: Run) -> Figure | None:
                     axes.plot(*wall.T, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
             _array(axes, _model_array(run, row), ORANGE, 1.3)
             if truth is not None:
-                _true_array(axes, truth(int(row["tick"])))
+                draw_truth(axes, truth(int(row["tick"])))
             axes.plot(*place.entry_mm, marker="o", color=INK, markersize=3.5, markerfacecolor="white", zorder=3)
             axes.set_aspect("equal")
             axes.grid(visible=False)
@@ -119,9 +119,8 @@ class Placement:
         )
 
 
-def _true_placement(run: Run) -> Placement | None:
-    """Where a simulated cochlea really is, if the truth tells."""
-    truths = run.recording.truths
+def true_placement(truths: np.ndarray | None) -> Placement | None:
+    """Where a simulated cochlea really is, if the truths (n,) tell."""
     if truths is None or not len(truths) or "cochlea_scale" not in (truths.dtype.names or ()):
         return None
     row = truths[-1]
@@ -162,10 +161,10 @@ def _array(axes: Axes, points: np.ndarray, colour: str, width: float) -> None:
     axes.plot(*points[-1], marker="x", color=RED if width > 2 else colour, markersize=4)
 
 
-def _true_array(axes: Axes, truth: np.void) -> None:
+def draw_truth(axes: Axes, truth: np.void, width: float = 2.4) -> None:
     """The true array and, where they are known, the forces on it."""
     points = truth["array_node_in_base_mm"].reshape(-1, 2)
-    _array(axes, points, BLUE, 2.4)
+    _array(axes, points, BLUE, width)
     if "contact_force_in_base_n" not in (truth.dtype.names or ()):
         return
     forces = truth["contact_force_in_base_n"].reshape(-1, 2)
