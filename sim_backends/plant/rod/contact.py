@@ -20,6 +20,7 @@ FOOT_NEAR_MM = 5e-3
 """Less than this along the wall is left to a series of second order: what it leaves out is below 1e-8 mm."""
 FOOT_STEPS = 6
 FIND_STEPS = 8
+LEAST_MM = 1e-9
 ROUND_MM = 0.05
 """Nearer to a post's middle its push turns so fast with the place that the Hessian leaves it at that."""
 RECESS = 2
@@ -210,7 +211,7 @@ def _toward(rod, edge, px, py):
     t = 0.0
     if along > 0.0:
         t, dx, dy = 1.0, px - bx, py - by
-    distance = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    distance = max(math.sqrt(dx * dx + dy * dy), LEAST_MM)
     return t, dx / distance, dy / distance, distance, side
 
 
@@ -251,40 +252,56 @@ def _post(rod, scala, post):
     far = 2.0 * reach + 3.0 * rod.edge_mm
     if dx * dx + dy * dy > far * far:
         return
-    first = edge = _foremost(rod, edge, px, py)
-    last, side = edge, rod.post_side[post]
-    _, _, _, _, left_here = _toward(rod, edge, px, py)
-    while first > 1:
+    edge = _foremost(rod, edge, px, py)
+    _, _, _, distance, left = _toward(rod, edge, px, py)
+    stiffness = rod.post_share[post] * scala.stiffness_n_per_mm2 * reach
+    if rod.post_side[post] * left < 0.0:
+        _press_through(rod, post, edge, px, py, stiffness)
+    elif distance < reach + rod.edge_mm:
+        _press_chain(rod, post, edge, px, py, stiffness)
+
+
+@kernel
+def _press_chain(rod, post, edge, px, py, stiffness):
+    """A post beside `edge` pushes away everything it is in."""
+    reach = rod.post_reach_mm[post]
+    first, last = edge, edge
+    distance = 0.0
+    while first > 1 and (distance < reach or first == edge):
         first -= 1
         _, _, _, distance, _ = _toward(rod, first, px, py)
-        if distance >= reach:
-            break
-    while last < rod.segments - 1:
+    distance = 0.0
+    while last < rod.segments - 1 and (distance < reach or last == edge):
         last += 1
         _, _, _, distance, _ = _toward(rod, last, px, py)
-        if distance >= reach:
-            break
-    stiffness = rod.post_share[post] * scala.stiffness_n_per_mm2 * reach
-    t, nx, ny, distance, left = _toward(rod, first, px, py)
-    if first == 1 and t <= 0.0:
-        _press_corner(rod, post, 1, nx, ny, distance, 1.0, stiffness)
+    at_end = True  # nothing comes before the first edge
     for e in range(first, last + 1):
-        sign = 1.0 if side == 0 else side * left
-        if 0.0 < t < 1.0 and (distance < reach or left == left_here):
-            _press_edge(rod, post, e, t, sign * nx, sign * ny, sign * distance, stiffness)
-        if e == last:
-            if e == rod.segments - 1 and t >= 1.0:
-                _press_corner(rod, post, e + 1, nx, ny, distance, 1.0, stiffness)
-            return
-        at_end = t >= 1.0
-        t, nx, ny, distance, left = _toward(rod, e + 1, px, py)
-        if at_end == (t <= 0.0):
-            cx, cy = _centre(rod, e + 1)
+        t, nx, ny, distance, _ = _toward(rod, e, px, py)
+        if e == 1 and t <= 0.0 or e > first and at_end == (t <= 0.0):
+            cx, cy = _centre(rod, e)
             dx, dy = px - cx, py - cy
-            d = max(math.sqrt(dx * dx + dy * dy), 1e-9)
-            if side * left > 0.0:
-                sign = 1.0
-            _press_corner(rod, post, e + 1, sign * dx / d, sign * dy / d, sign * d, 1.0 if at_end else -1.0, stiffness)
+            d = max(math.sqrt(dx * dx + dy * dy), LEAST_MM)
+            _press_corner(rod, post, e, dx / d, dy / d, d, 1.0 if t <= 0.0 else -1.0, stiffness)
+        at_end = t >= 1.0
+        if 0.0 < t < 1.0:
+            _press_edge(rod, post, e, t, nx, ny, distance, stiffness)
+        elif at_end and e == rod.segments - 1:
+            _press_corner(rod, post, e + 1, nx, ny, distance, 1.0, stiffness)
+
+
+@kernel
+def _press_through(rod, post, edge, px, py, stiffness):
+    """The line has been pressed past the post's middle: what is nearest is pushed back the way it came."""
+    nearest, least = edge, math.inf
+    for e in range(max(edge - 1, 1), min(edge + 2, rod.segments)):
+        _, _, _, distance, _ = _toward(rod, e, px, py)
+        if distance < least:
+            nearest, least = e, distance
+    t, nx, ny, distance, _ = _toward(rod, nearest, px, py)
+    if 0.0 < t < 1.0:
+        _press_edge(rod, post, nearest, t, -nx, -ny, -distance, stiffness)
+    else:
+        _press_corner(rod, post, nearest + (1 if t >= 1.0 else 0), -nx, -ny, -distance, 1.0, stiffness)
 
 
 @kernel

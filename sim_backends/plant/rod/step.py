@@ -14,7 +14,7 @@ from sim_backends.plant.rod.events import look
 from sim_backends.plant.rod.state import POSTS
 from sim_backends.plant.rod.stylet import remember, set_stylet
 
-ITERATIONS = 20
+ITERATIONS = 40
 SECANTS, ROUND = 3, 6
 """Of every six solves the first three take friction's secant, which lands on what sticks, then its tangent, which slips."""
 TOLERANCE_MM = 2e-4
@@ -26,7 +26,7 @@ JUMP_MM = 0.02
 HALVINGS = 6
 """A Newton step is halved so often while it leads uphill."""
 SMALLEST = 1.0 / 256.0
-BUDGET = 160
+BUDGET = 100
 """Iterations a tick may cost, so that it stays below a millisecond."""
 
 
