@@ -132,12 +132,22 @@ class Insertion:
 
     @property
     def folded(self) -> bool:
-        """Whether the tip points backwards at the end."""
-        return bool(self.trace["folded"][-1])
+        """Whether the tip pointed backwards at some time."""
+        return bool(self.trace["folded"].any())
+
+    @property
+    def stuck(self) -> bool:
+        """Whether less than half of the array is inside at the end."""
+        return bool(self.trace["inserted_mm"][-1] < 0.5 * self.case.last_mm)
 
     @property
     def buckled(self) -> bool:
-        """Whether a permanent bend outside the entry is left."""
+        """Whether a permanent bend outside the entry was left over the part that counts."""
+        return bool(self.trace["buckled"][self._counted].any())
+
+    @property
+    def bent_at_last(self) -> bool:
+        """The same to the end."""
         return bool(self.trace["buckled"][-1])
 
     def at(self, depth_mm: np.ndarray, window_mm: float = 0.5) -> np.ndarray:
@@ -188,7 +198,7 @@ def insert(case: Case) -> Insertion:
     motion = motion_of(case)
     trace = np.zeros(len(motion.depth_mm), TRACE)
     start = time.perf_counter()
-    done = _run(rod, scala, motion.pose, motion.stylet_mm, case.step_s, trace)
+    done = run_ticks(rod, scala, motion.pose, motion.stylet_mm, case.step_s, trace)
     elapsed_s = time.perf_counter() - start
     kept = Motion(motion.depth_mm[:done], motion.pose[:done], motion.stylet_mm[:done])
     trace = trace[:done]
@@ -205,7 +215,7 @@ def scattered(case: Case, random: np.random.Generator) -> Case:
     slippery = max(1.0 + t.friction_sd * float(draw[4]), 0.1)
     return replace(
         case,
-        planned=case.planned or case.array,
+        planned=case.planned or case.array,  # for the mean array
         lateral_mm=case.lateral_mm + t.lateral_sd_mm * float(draw[0]),
         angle_rad=case.angle_rad + t.angle_sd_rad * float(draw[1]),
         early_mm=case.early_mm - t.stylet_late_mm + t.stylet_sd_mm * float(draw[2]),
@@ -268,7 +278,7 @@ def _lift(rod):
 
 
 @kernel
-def _run(rod, scala, pose, stylet_mm, step_s, trace):
+def run_ticks(rod, scala, pose, stylet_mm, step_s, trace):
     """Ticks that converged, from the first on; each leaves a row."""
     r = rod[0]
     for k in range(pose.shape[0]):
