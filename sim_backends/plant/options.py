@@ -201,8 +201,10 @@ class Phantom:
     wall_stiffness_n_per_mm2: float = option(
         3.9, low=0.2, high=50.0, unit="N/mm^2", doc="of wall, lip and bone per length of array: silicone indents"
     )
-    friction: float = option(0.3, low=0.0, high=1.0, doc="kinetic Coulomb coefficient between array and specimen")
-    friction_static: float = option(0.315, low=0.0, high=1.2, doc="the same at rest, at least the kinetic one")
+    friction: float = option(
+        0.17, low=0.0, high=1.0, doc="kinetic Coulomb coefficient between array and specimen; fitted to set 0"
+    )
+    friction_static: float = option(0.1785, low=0.0, high=1.2, doc="the same at rest, at least the kinetic one")
     stribeck_mm_per_s: float = option(
         0.25, low=0.01, high=5.0, unit="mm/s", doc="speed at which friction has fallen most of the way to kinetic"
     )
@@ -210,7 +212,11 @@ class Phantom:
         0.0, low=0.0, high=0.1, unit="N s/mm^2", doc="drag of the lubricant per inserted length and speed"
     )
     floor_load_n_per_mm: float = option(
-        0.02, low=0.0, high=0.2, unit="N/mm", doc="how hard floor and lid press on an inserted length; it only rubs"
+        0.035,
+        low=0.0,
+        high=0.2,
+        unit="N/mm",
+        doc="how hard floor and lid press on an inserted length, which only rubs; fitted to set 0 and Table V.2",
     )
     lateral_sd_mm: float = option(0.12, low=0.0, high=2.0, unit="mm", doc="scatter of the registered entry, in plane")
     out_of_plane_sd_mm: float = option(0.2, low=0.0, high=2.0, unit="mm", doc="the same across the plane")
@@ -230,12 +236,14 @@ class Bone(Phantom):
     wall_stiffness_n_per_mm2: float = option(
         3.9, low=0.2, high=50.0, unit="N/mm^2", doc="of wall, lip and bone per length of array: silicone indents"
     )
+    friction: float = option(0.157, low=0.0, high=1.0, doc="kinetic Coulomb coefficient; fitted to set 0b")
+    friction_static: float = option(0.165, low=0.0, high=1.2, doc="the same at rest, at least the kinetic one")
     lateral_sd_mm: float = option(0.2, low=0.0, high=2.0, unit="mm", doc="scatter of the registered entry, in plane")
     out_of_plane_sd_mm: float = option(0.3, low=0.0, high=2.0, unit="mm", doc="the same across the plane")
     angle_sd_rad: float = option(0.06, low=0.0, high=0.3, unit="rad", doc="scatter of the registered direction")
     stylet_sd_mm: float = option(0.5, low=0.0, high=2.0, unit="mm", doc="scatter of where the hook takes the stylet")
     stylet_late_mm: float = option(
-        0.5, low=-2.0, high=3.0, unit="mm", doc="how much later than planned the stylet starts, on average"
+        0.72, low=-2.0, high=3.0, unit="mm", doc="how much later than planned the stylet starts, fitted to set 0b"
     )
 
 
@@ -272,9 +280,11 @@ class Array:
         1.0, low=0.3, high=2.0, unit="N mm^2", doc="the same 15 mm behind the tip, linear between them"
     )
     stylet_bending_nmm2: float = option(4.2, low=1.0, high=8.0, unit="N mm^2", doc="bending stiffness of the stylet")
-    curvature_tip_per_mm: float = option(1.0, low=0.5, high=1.3, unit="1/mm", doc="of the released array, at its tip")
+    curvature_tip_per_mm: float = option(
+        0.99, low=0.5, high=1.3, unit="1/mm", doc="of the released array, at its tip; fitted to set 0"
+    )
     curvature_base_per_mm: float = option(
-        0.1, low=0.0, high=0.2, unit="1/mm", doc="the same 15 mm behind the tip, quadratic between them as in 02"
+        0.075, low=0.0, high=0.2, unit="1/mm", doc="the same 15 mm behind the tip, quadratic between them as in 02"
     )
     curvature_error: float = option(0.0, low=-0.5, high=0.5, doc="share by which this array curls more than the mean")
     grip_angle_rad: float = option(0.01, low=-0.3, high=0.3, unit="rad", doc="angle at which the assistant grips it")

@@ -8,7 +8,7 @@ first. Normal forces lag one step in the friction, which keeps every step a mini
 import math
 
 from hal.kernel import kernel
-from sim_backends.plant.rod.friction import curb, grip, reach
+from sim_backends.plant.rod.friction import coefficient, curb, grip, reach
 from sim_backends.plant.rod.state import POSTS
 from sim_backends.plant.scala import wall_at
 
@@ -145,9 +145,9 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     stiff = hold
     if load > 0.0:
         far = reach(slip, step_s)
-        hold += scala.friction * load / far
-        stiff += scala.friction * load / far * (1.0 if secant else curb(far, step_s))
-        rod.energy_nmm += scala.friction * load * far
+        hold += rod.floor_friction * load / far
+        stiff += rod.floor_friction * load / far * (1.0 if secant else curb(far, step_s))
+        rod.energy_nmm += rod.floor_friction * load * far
     rod.band[row, 0] += stiff
     rod.band[row + 1, 0] += stiff
     _pull(rod, i, row, -hold * dx, -hold * dy)
@@ -277,7 +277,7 @@ def _press_chain(rod, post, edge, px, py, stiffness):
     at_end = True  # nothing comes before the first edge
     for e in range(first, last + 1):
         t, nx, ny, distance, _ = _toward(rod, e, px, py)
-        if e == 1 and t <= 0.0 or e > first and at_end == (t <= 0.0):
+        if (e == 1 and t <= 0.0) or (e > first and at_end == (t <= 0.0)):
             cx, cy = _centre(rod, e)
             dx, dy = px - cx, py - cy
             d = max(math.sqrt(dx * dx + dy * dy), LEAST_MM)
@@ -448,10 +448,12 @@ def _itself(rod, stiffness):
 
 
 @kernel
-def enter(rod, scala):
+def enter(rod, scala, period_s):
     """Before a step: which nodes are beyond the entry, and the foot of each that has come in; posts near the gripper."""
     for post in range(POSTS):
         _follow(rod, scala, post)
+    pace = math.sqrt(rod.pace_mm[1, 0] ** 2 + rod.pace_mm[1, 1] ** 2)
+    rod.floor_friction = coefficient(scala, pace / period_s)
     n = rod.segments
     ex, ey, ax, ay = scala.entry_mm[0], scala.entry_mm[1], scala.axis[0], scala.axis[1]
     reach = scala.hole_radius_mm + scala.lip_radius_mm

@@ -52,6 +52,7 @@ ROD = np.dtype(
         ("normal", "f8", (MAX_NODES, 2)),  # left of the line, at the start of the step
         ("pose", "f8", (3,)),
         # contacts
+        ("floor_friction", "f8"),  # of floor and lid in this step, at the speed of the gripper in the last
         ("inside_from", "i8"),  # first node beyond the entry, segments + 1 for none
         ("modiolar_gap_mm", "f8", (MAX_NODES,)),  # from the modiolar edge to the wall, of nodes inside
         ("foot_mm", "f8", (MAX_NODES,)),  # arc length of the node's foot on the lateral wall

@@ -73,7 +73,7 @@ def _floor(rod, scala, i, before_mm, slip_mm, step_s):
     if i <= rod.inside_from + 1:
         dx, dy = before_mm[0] - scala.entry_mm[0], before_mm[1] - scala.entry_mm[1]
         share = min(max((dx * scala.axis[0] + dy * scala.axis[1]) / rod.edge_mm, 0.0), 1.0)
-    drag = _rubbed(scala.friction * scala.floor_load_n_per_mm, slip_mm, step_s)
+    drag = _rubbed(rod.floor_friction * scala.floor_load_n_per_mm, slip_mm, step_s)
     return share * rod.edge_mm * (drag + scala.viscous_n_s_per_mm2 / step_s * slip_mm * slip_mm)
 
 

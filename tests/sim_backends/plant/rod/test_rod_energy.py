@@ -34,9 +34,9 @@ def _run(rod, scala, pose, stylet_mm, step_s):
 
 
 @kernel
-def _begin(rod, scala, stylet_mm):
+def _begin(rod, scala, stylet_mm, step_s):
     """What is fixed all through a step."""
-    enter(rod[0], scala[0])
+    enter(rod[0], scala[0], step_s)
     set_stylet(rod[0], stylet_mm)
 
 
@@ -89,7 +89,7 @@ def minimum(moment, near, shift=(0.0, 0.0, 0.0)):
     """Energy of the step's minimum with the gripper shifted, and the record there; `near` is the solver's answer."""
     rod, scala, pose, stylet_mm, step_s = moment
     rod = rod.copy()
-    _begin(rod, scala, stylet_mm)
+    _begin(rod, scala, stylet_mm, step_s)
     rod["node_mm"] = near["node_mm"]
     return _minimise(rod, scala, pose + np.array(shift), step_s), rod[0]
 
@@ -130,7 +130,7 @@ def test_the_gradient_is_the_slope_of_the_energy(moments, which):
     """At a state that is no minimum, node by node."""
     rod, scala, _, stylet_mm, step_s = moments[which]
     rod = rod.copy()
-    _begin(rod, scala, stylet_mm)
+    _begin(rod, scala, stylet_mm, step_s)
     r = rod[0]
     n = int(r["segments"])
     r["node_mm"][2 : n + 1] += np.random.default_rng(1).normal(0.0, 2e-3, (n - 1, 2))
