@@ -14,8 +14,8 @@ from sim_backends.plant.scala import wall_at
 
 FOOT_PACE_MM = 0.25
 """A foot moves at most so far at a time, many times as fast as an array is ever moved."""
-FOOT_UNIQUE = 0.8
-"""Nearer to the wall's centre of curvature than this share of its radius a node keeps the foot it has."""
+LEAST_OPEN = 0.2
+"""1 - curvature * gap, by which a foot runs ahead of its node: not less, for at the kink of the wall it would not be."""
 FOOT_NEAR_MM = 5e-3
 """Less than this along the wall is left to a series of second order: what it leaves out is below 1e-8 mm."""
 FOOT_STEPS = 6
@@ -106,11 +106,9 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     for _ in range(FOOT_STEPS):
         wx, wy, tx, ty, curvature, width, slope = wall_at(scala, foot)
         gap = (cy - wy) * tx - (cx - wx) * ty
-        ahead, along = 0.0, 0.0
-        if curvature * gap >= FOOT_UNIQUE:
-            break
         along = (cx - wx) * tx + (cy - wy) * ty
-        ahead = min(max(along / (1.0 - curvature * gap), -FOOT_PACE_MM), FOOT_PACE_MM)
+        open_share = max(1.0 - curvature * gap, LEAST_OPEN)
+        ahead = min(max(along / open_share, -FOOT_PACE_MM), FOOT_PACE_MM)
         foot += ahead
         if abs(ahead) < FOOT_NEAR_MM:
             break
@@ -120,7 +118,8 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     gap -= 0.5 * turn * along
     width += slope * ahead
     tx, ty = tx - turn * ty, ty + turn * tx
-    bend = curvature / max(1.0 - curvature * gap, 1.0 - FOOT_UNIQUE) if ahead != 0.0 else 0.0
+    open_share = max(1.0 - curvature * gap, LEAST_OPEN)
+    bend = curvature / open_share
     row = 2 * (rod.segments - i)
     if gap < r:
         _push(rod, i, -ty, tx, stiffness, r - gap)
@@ -130,7 +129,7 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     rod.modiolar_gap_mm[i] = room - r
     if room < r:
         # the width changes along the wall: the slope of the distance is not quite the normal
-        tilt = slope / max(1.0 - curvature * gap, 1.0 - FOOT_UNIQUE) if ahead != 0.0 else 0.0
+        tilt = slope / open_share
         _push(rod, i, ty + tilt * tx, -tx + tilt * ty, stiffness, r - room)
         _stiffen(rod, row, tx, ty, -stiffness * (r - room) * bend)
         rod.modiolar_n += stiffness * (r - room)
@@ -501,5 +500,4 @@ def _find_foot(rod, scala, i):
     for _ in range(FIND_STEPS):
         wx, wy, tx, ty, curvature, _, _ = wall_at(scala, rod.foot_mm[i])
         gap = (cy - wy) * tx - (cx - wx) * ty
-        if curvature * gap < FOOT_UNIQUE:
-            rod.foot_mm[i] += ((cx - wx) * tx + (cy - wy) * ty) / (1.0 - curvature * gap)
+        rod.foot_mm[i] += ((cx - wx) * tx + (cy - wy) * ty) / max(1.0 - curvature * gap, LEAST_OPEN)
