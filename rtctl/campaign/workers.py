@@ -42,7 +42,9 @@ def _side_by_side(settings: Settings, seeds: list[int], plan: Plan | None, jobs:
     pool = ProcessPoolExecutor(min(jobs, len(seeds)), get_context("spawn"), _begin, (settings, plan))
     with _one_thread_each(), pool:
         try:
-            yield from pool.map(_run, seeds)
+            # not pool.map: it cancels what is left, and a pool whose processes are ended then trips over that
+            for future in [pool.submit(_run, seed) for seed in seeds]:
+                yield future.result()
         except BrokenProcessPool:
             raise CampaignError("a process of the campaign was killed", remedy="run the same command again, with fewer --jobs if memory was short") from None  # fmt: skip
         except BaseException:  # Ctrl-C, or the rest is not wanted: do not wait for runs under way
