@@ -12,6 +12,8 @@ scattered insertions with fixed seeds, without any force control; what is predic
 import argparse
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -48,7 +50,7 @@ EVALUATIONS = {"phantom": 70, "bone": 35}
 def overrides(specimen: str, values: dict[str, float]) -> list[str]:
     """Settings of a specimen with `values` of its parameters, and of the array's."""
     curvature = {name: value for name, value in values.items() if name.startswith("curvature")}
-    matrix, _ = modal_model(Array(**curvature))
+    matrix, _ = modal_model(replace(Array(), **curvature))  # type: ignore[arg-type]
     tissue = {name: value for name, value in values.items() if name not in curvature}
     if "friction" in tissue:
         tissue["friction_static"] = STATIC * tissue["friction"]
@@ -120,7 +122,7 @@ def fit(
         return value
 
     simplex = np.vstack([start, *(start + 0.25 * (h - lo) * np.eye(len(start))[k] * (1 if start[k] + 0.25 * (h - lo) <= h else -1) for k, (lo, h) in enumerate(bounds))])  # fmt: skip
-    options = {"maxfev": EVALUATIONS[specimen], "fatol": TOLERANCE, "xatol": 1e-3, "initial_simplex": simplex}
+    options: Any = {"maxfev": EVALUATIONS[specimen], "fatol": TOLERANCE, "xatol": 1e-3, "initial_simplex": simplex}
     found = minimize(cost, start, method="Nelder-Mead", bounds=bounds, options=options)
     return dict(zip(names, map(float, found.x), strict=True))
 
