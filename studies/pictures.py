@@ -25,12 +25,12 @@ QUIET = (*BASE, "backend.options.trial.scatter=false")
 FOUR = {
     "normal": [],
     "stylet 1 mm late": ["backend.options.array.stylet_offset_mm=-1.0"],
-    "stylet 1 mm early": ["backend.options.array.stylet_offset_mm=1.0"],
+    "stylet 1.4 mm early": ["backend.options.array.stylet_offset_mm=1.4"],
     "entry 1.2 mm aside": ["backend.options.trial.lateral_mm=1.2"],
 }
 COLOURS = (BLUE, ORANGE, VIOLET, RED)
 DEPTHS_MM = (3.0, 6.0, 9.0, 13.0)
-SPEEDS = (0.5, 1.0, 2.0, 3.0)
+SPEEDS = (0.5, 1.0, 2.0)
 COUNT = 24
 DOTS_PER_INCH = 160
 
@@ -55,9 +55,11 @@ def shapes(runs: dict[str, Recording]) -> Figure:
                 last = min(int(np.searchsorted(rows["depth_mm"], depth)), len(rows) - 1)
                 truth = run.truths[np.searchsorted(run.truths["tick"], rows["tick"][last])]
                 _panel(axes, place.walls(), truth)
-                axes.set_title(f"{name}, {rows['depth_mm'][last]:.0f} mm" if axes is line[0] else f"{rows['depth_mm'][last]:.0f} mm", loc="left", fontsize=7.5)  # fmt: skip
+                if axes is line[0]:
+                    axes.set_ylabel(name, fontsize=7.5)
+                axes.set_title(f"{rows['depth_mm'][last]:.0f} mm", loc="left", fontsize=7.5)
 
-    return picture(on, 6.4)
+    return picture(on, 5.0)
 
 
 def _panel(axes: Axes, walls: tuple[np.ndarray, np.ndarray], truth: np.void) -> None:
@@ -100,12 +102,12 @@ def speeds(found: dict[float, np.ndarray]) -> Figure:
 
     def on(figure: Figure) -> None:
         axes = figure.add_subplot()
-        for (speed, axial), colour in zip(found.items(), COLOURS, strict=True):
+        for (speed, axial), colour in zip(found.items(), COLOURS, strict=False):
             axes.plot(LAMBDA * FULL_DEPTH_MM, 1e3 * np.nanmean(axial, axis=0), color=colour, linewidth=1.2, label=f"{speed:g} mm/s")  # fmt: skip
         axes.set_xlim(0.0, FULL_DEPTH_MM)
         axes.set_xlabel("insertion depth [mm]")
         axes.set_ylabel(f"resistance, mean of {COUNT} [mN]")
-        legend_above(axes, 4)
+        legend_above(axes, 3)
 
     return picture(on, 3.2)
 
