@@ -44,7 +44,9 @@ def measure_mesh(case: Case | None = None) -> list[Figure]:
     coarse, usual, fine = (_cost(meshes[n]) for n in SEGMENTS)
     figures += _ratios(part, "a tick with {} segments, against 48", {24: coarse, 80: fine}, usual)
     folding = _cost(replace(case, early_mm=1.0))
-    return figures + _ratios(part, "a tick {}, against a normal one", {"with a folding tip": folding}, _cost(case))
+    return figures + _ratios(
+        part, "a tick {}, against a normal one", {"with a tip that curls up before it is in": folding}, _cost(case)
+    )
 
 
 def measure_robustness(runs: int = RANDOM_RUNS, seed: int = SEED) -> list[Figure]:

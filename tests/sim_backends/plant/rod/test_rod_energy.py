@@ -106,7 +106,7 @@ def test_the_wrench_is_minus_the_slope_of_the_energy(moments, which):
         shift[k] = by
         up, down = minimum(moments[which], rod, shift)[0], minimum(moments[which], rod, -shift)[0]
         slope[k] = (up - down) / (2 * by)
-    assert rod["wrench"][0, :2] == pytest.approx(-slope[:2], abs=3e-4)
+    assert rod["wrench"][0, :2] == pytest.approx(-slope[:2], rel=1e-2, abs=3e-4)
     assert rod["wrench"][0, 2] == pytest.approx(-slope[2], abs=2e-3)
 
 
@@ -121,7 +121,7 @@ def test_the_wrench_balances_what_touches_the_array(moments, which):
     x, force = r["node_mm"][nodes], r["force_n"][nodes]
     force = force - r["drag_n_s_per_mm"] / step_s * (x - r["before_mm"][nodes])
     arm = x - pose[:2]
-    assert rod["wrench"][0, :2] == pytest.approx(force.sum(axis=0), abs=3e-4)
+    assert rod["wrench"][0, :2] == pytest.approx(force.sum(axis=0), rel=1e-2, abs=3e-4)
     assert rod["wrench"][0, 2] == pytest.approx((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum(), abs=2e-3)
 
 
