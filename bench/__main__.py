@@ -11,13 +11,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench import exchange_cost, lockstep_speed, loop_cost, memory_growth, tick_cost, wake_up
+from bench import exchange_cost, lockstep_speed, loop_cost, memory_growth, mujoco_cable, rod_study, tick_cost, wake_up
 from bench.figures import Figure, table
 from bench.recorded import record_insertion
 from hal.errors import RtctlError
 from rtctl.settings import load
 
-PARTS = ("tick", "loop", "wake-up", "lockstep", "exchange")
+SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange")
+STUDIES = ("rod", "robustness", "phenomena", "mujoco")
+"""Of the array by itself; they take minutes, and only when asked for."""
+PARTS = SPEED + STUDIES
 FAILED = "failed"
 SEED = 1
 WIDTH = 170
@@ -57,7 +60,9 @@ def _arguments() -> argparse.Namespace:
         description=__doc__,
         epilog="example: python -m bench wake-up --rounds 30 --json wake.json",
     )
-    parser.add_argument("parts", nargs="*", default=PARTS, help=f"of {', '.join(PARTS)}; all of them when absent")
+    parser.add_argument(
+        "parts", nargs="*", default=SPEED, help=f"of {', '.join(PARTS)}; {', '.join(SPEED)} when absent"
+    )
     parser.add_argument("--config", default="planar-sim", help="settings to measure with [planar-sim]")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a setting")
     parser.add_argument("--rounds", type=int, default=15, help="of loop and cyclictest in turns [15]")
@@ -87,6 +92,10 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
         "wake-up": lambda: wake_up.measure(settings, arguments.rounds, arguments.seconds),
         "lockstep": lambda: lockstep_speed.measure(settings, SEED, pieces),
         "exchange": lambda: exchange_cost.measure(settings, pieces),
+        "rod": rod_study.measure_mesh,
+        "robustness": rod_study.measure_robustness,
+        "phenomena": rod_study.measure_phenomena,
+        "mujoco": mujoco_cable.measure,
     }
     yield from ((name, measurements[name]) for name in PARTS if name in asked)
 

@@ -63,6 +63,36 @@ class Backend(Protocol):
         """What a simulation knows and a controller may not: signals and their live record (1,) of the table's dtype."""
 
 
+@runtime_checkable
+class Scattered(Protocol):
+    """What a simulation may have beside: runs that differ from seed to seed in more than noise."""
+
+    def drawn_values(self) -> dict[str, float]:
+        """What the seed decided, by names with units; which names there are depends neither on seed nor on settings."""
+
+
+def drawn_values(backend: Backend) -> dict[str, float]:
+    """What the seed decided about `backend`; empty where it decides nothing worth telling."""
+    return backend.drawn_values() if isinstance(backend, Scattered) else {}
+
+
+@runtime_checkable
+class Fallible(Protocol):
+    """What a simulation may have beside: steps it could not solve, after which it stands still without power."""
+
+    def failure(self) -> BackendError | None:
+        """Why it cannot go on; None while it can."""
+
+    def snapshot(self) -> bytes:
+        """All of its state, to be looked into or gone on from."""
+
+
+def failure_of(backend: Backend) -> tuple[BackendError, bytes] | None:
+    """Why a simulated `backend` stands still, and its state; None while it goes on, and for hardware."""
+    error = backend.failure() if isinstance(backend, Fallible) else None
+    return None if error is None else (error, backend.snapshot())  # type: ignore[attr-defined]
+
+
 def load(name: str, options: Mapping[str, Any], *, period_s: float, seed: int) -> Backend:
     """Find backend `name` among the installed entry points and make it from its own table of settings.
 

@@ -23,7 +23,9 @@ Pace = Callable[[], object]
 
 POWER_UP_TICKS = 500
 """Amplifiers may take this long to come up."""
-GROUPS = {"axes": "axis_angle_rad", "wrench": "wrench_in_sensor"}
+SLOW_TICKS = 1000
+"""The slowest group has a new sample within so many ticks."""
+GROUPS = {"axes": "axis_angle_rad", "wrench": "wrench_in_sensor", "impedance": "impedance_ohm"}
 
 
 class Session:
@@ -129,10 +131,14 @@ def tells_validity(make: Make, pace: Pace = no_wait) -> None:
             for group, values in GROUPS.items():
                 _values_fit_validity(frame, group, values)
                 require(frame[f"{group}_age_ticks"] >= 0, f"{group}_age_ticks is never negative")
+            measured = frame["impedance_validity"] == VALID
+            require(
+                (frame["impedance_pair"] >= 0) == measured, "impedance_pair is known while impedance_ohm is, else -1"
+            )
 
 
 def counts_samples(make: Make, pace: Pace = no_wait) -> None:
-    """A sequence number never falls; while it stands still the age grows by the ticks that pass."""
+    """A sequence number never falls; after the first sample the age grows by the ticks without a new one."""
     with session(make, pace) as s:
         for group in GROUPS:
             frame = s.read()
@@ -142,10 +148,14 @@ def counts_samples(make: Make, pace: Pace = no_wait) -> None:
                 frame = s.read(skip)
                 now, new_age = int(frame[f"{group}_sequence"]), int(frame[f"{group}_age_ticks"])
                 require(now >= last, f"{group}_sequence never falls")
-                if now == last:
+                if now == last and now > 0:
                     require(new_age >= age + skip + 1, f"{group}_age_ticks grows while its sequence stands still")
                 last, age = now, new_age
             if frame[f"{group}_validity"] == VALID:
+                for _ in range(SLOW_TICKS):
+                    if last > first:
+                        break
+                    last = int(s.read()[f"{group}_sequence"])
                 require(last > first, f"{group}_sequence rises while its samples are valid")
 
 

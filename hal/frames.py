@@ -30,18 +30,27 @@ def sensor_frame(axes: int) -> np.dtype:
 
     axis_angle_rad: accumulated motor angles since the device was opened, direction positive, no home offset.
     wrench_in_sensor: force [N] and moment [N mm] that the gripper side exerts on the sensor, in {F}, biased.
+    impedance_ohm: bipolar impedance of one pair of the electrode's contacts, the latest sample of its telemetry. An open
+        circuit reads about 28.8 kohm and a short next to nothing: samples like any other, and no numbers to control by.
+    impedance_pair: which pair that was, counted from the tip of the array; -1 for none. A backend without telemetry says
+        INVALID, NaN and -1.
     powered: the amplifiers are energised. power_fault: the device itself removed power and latched that.
     """
     return np.dtype(
         [
             ("axis_angle_rad", "f8", (axes,)),
             ("wrench_in_sensor", "f8", (6,)),
+            ("impedance_ohm", "f8"),
             ("axes_sequence", "i8"),
             ("wrench_sequence", "i8"),
+            ("impedance_sequence", "i8"),
+            ("impedance_pair", "i4"),
             ("axes_age_ticks", "i4"),
             ("wrench_age_ticks", "i4"),
+            ("impedance_age_ticks", "i4"),
             ("axes_validity", "u1"),
             ("wrench_validity", "u1"),
+            ("impedance_validity", "u1"),
             ("powered", "u1"),
             ("watchdog_tripped", "u1"),
             ("amplifier_fault", "u1"),

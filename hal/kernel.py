@@ -27,6 +27,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("hal", "rtctl", "drivers", "sim_backends")
 MAKES_KERNELS = re.compile(r"^from hal\.kernel import .*\b(kernel|specialised)\b", re.MULTILINE)
 _DISPATCHERS: list[Any] = []
+_SPECIALISED: dict[tuple[Any, Any], Any] = {}
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -124,7 +125,9 @@ def specialised(function: F, arguments: tuple[Any, ...]) -> F:
         types.FunctionType(a.nopython_signatures[0]) if isinstance(a, Dispatcher) else numba.typeof(a)
         for a in arguments
     )
-    return cast(F, _compile(function, [signature]))
+    if (function, signature) not in _SPECIALISED:  # one for a thousand simulations: machine code is never given back
+        _SPECIALISED[function, signature] = _compile(function, [signature])
+    return cast(F, _SPECIALISED[function, signature])
 
 
 def _compile(function: Callable[..., Any], signatures: list[Any] | None) -> Any:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from hal.errors import RtctlError
 from rtctl.electrode.path import evaluate_path
 from rtctl.electrode.path_validation import validate_path
-from rtctl.electrode.planning import Progress, plan_insertion
+from rtctl.electrode.planning import Plan, Progress, plan_insertion
 from rtctl.electrode.robot_path import robot_path
 from rtctl.robots import Robot
 from rtctl.settings import Settings
@@ -24,8 +24,19 @@ class PlanError(RtctlError):
     """There is no insertion plan the robot can carry out."""
 
 
+def plan_of(settings: Settings, progress: Progress | None = None) -> Plan:
+    """The insertion relative to the cochlea: it depends on the model of the array alone, so many runs may share it."""
+    return plan_insertion(np.array(settings.electrode.modal_matrix), progress)
+
+
 def make_plan(
-    settings: Settings, robot: Robot, pose_entry: ArrayLike, number: int, progress: Progress | None = None
+    settings: Settings,
+    robot: Robot,
+    pose_entry: ArrayLike,
+    number: int,
+    progress: Progress | None = None,
+    *,
+    known: Plan | None = None,
 ) -> np.ndarray:
     """The insertion path (1,) of dtype PATH from the registered entry.
 
@@ -33,6 +44,7 @@ def make_plan(
         pose_entry: gripper pose (dof,) in {B} [mm, rad] when it pointed at the entry along the approach.
         number: number of the plan, for the records.
         progress: called as progress(done, total); what it raises ends the planning.
+        known: what :func:`plan_of` has given for these settings; computed if None.
 
     Raises:
         PlanError: the entry is not registered, a pose of the path is out of reach, or the path is too fast for
@@ -41,7 +53,7 @@ def make_plan(
     entry = np.asarray(pose_entry, dtype=float)
     if entry.shape != (robot.dof,) or not np.isfinite(entry).all():
         raise PlanError("the entry is not registered", remedy="move the gripper to the entry and run `rtctl register`")
-    plan = plan_insertion(np.array(settings.electrode.modal_matrix), progress)
+    plan = plan_of(settings, progress) if known is None else known
     path = robot_path(plan, entry, number)
     validate_path(path, robot.dof)
     check_reach(robot, path)

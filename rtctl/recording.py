@@ -1,6 +1,7 @@
 """A run as it was recorded, whether it comes from a log or straight from lockstep: what summary and report are made of."""
 
 import base64
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -45,6 +46,11 @@ class Recording:
     def time_s(self) -> np.ndarray:
         """Time (n,) of every record since the first [s]."""
         return (self.records["time_ns"] - self.records["time_ns"][0]) * 1e-9
+
+    @property
+    def drawn(self) -> dict[str, float]:
+        """What the seed decided about a simulated bench, by names with units; empty for the daemon's runs."""
+        return json.loads(self.header.get("drawn", "{}"))
 
     @property
     def dof(self) -> int:

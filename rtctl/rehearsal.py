@@ -73,7 +73,9 @@ class Understudy:
 
     def read(self, _tick: int, sensors: np.ndarray) -> None:
         """Everything valid and zero, under power."""
-        sensors["powered"], sensors["axes_validity"], sensors["wrench_validity"] = 1, VALID, VALID
+        sensors["powered"] = 1
+        for group in ("axes", "wrench", "impedance"):
+            sensors[f"{group}_validity"] = VALID
 
     def write(self, _tick: int, _actuators: np.ndarray) -> None:
         """Nothing moves."""

@@ -78,6 +78,9 @@ def run_rows(rows, replayed, memory, sensors, actuators):
             s.axis_angle_rad[i] = row.axis_angle_rad[i]
         for i in range(6):
             s.wrench_in_sensor[i] = row.wrench_in_sensor[i]
+        s.impedance_ohm, s.impedance_pair = row.impedance_ohm, row.impedance_pair
+        s.impedance_sequence, s.impedance_age_ticks = row.impedance_sequence, row.impedance_age_ticks
+        s.impedance_validity = row.impedance_validity
         s.axes_sequence, s.wrench_sequence = row.axes_sequence, row.wrench_sequence
         s.axes_age_ticks, s.wrench_age_ticks = row.axes_age_ticks, row.wrench_age_ticks
         s.axes_validity, s.wrench_validity = row.axes_validity, row.wrench_validity

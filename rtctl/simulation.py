@@ -1,7 +1,8 @@
 """The scripted insertion in lockstep with a simulated backend: what `rtctl sim` runs, and studies and benches too."""
 
+import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from hal.backend import drawn_values, failure_of
 from hal.errors import RtctlError
 from hal.signals import Table
 from rtctl.commands import CommandRefused, Reason, Verb, explain
+from rtctl.electrode.planning import Plan
 from rtctl.exchange.control import Grade
 from rtctl.gateway.events import Watcher, say
 from rtctl.gateway.journal import with_bytes
@@ -27,6 +30,8 @@ from rtctl.workflow import Cause, Predicate, Progress, conditions_of, insert_arr
 
 GLANCE_TICKS = 50
 """How often the script looks at the records; part of the experiment, so it must not depend on the machine."""
+FAILED_STEP_SUFFIX = ".failed-step"
+"""Beside the log: the state of a simulated backend that could not go on."""
 LAST_TICKS = 300
 """Ticks to come to rest at the end, and as many without power after it."""
 
@@ -41,24 +46,31 @@ class Simulation:
 
 
 def simulate(
-    settings: Settings, seed: int, *, log: Path | None = None, report: Callable[[Progress], None] = lambda _: None
+    settings: Settings,
+    seed: int,
+    *,
+    log: Path | None = None,
+    report: Callable[[Progress], None] = lambda _: None,
+    plan: Plan | None = None,
 ) -> Simulation:
     """Run the work-flow in lockstep; the same settings and seed give the same records and the same log bytes.
 
     Args:
-        log: where to write the run, a file that must not exist.
+        log: where to write the run, a file that must not exist. A backend that could not solve a step leaves its state
+            beside it.
         report: is told where the script is.
+        plan: of :func:`rtctl.planner.plan_of` for these settings, if it is known: a third of the time of a run.
 
     Raises:
         LogError: the log cannot be written.
         RtctlError: the backend cannot run in lockstep.
     """
-    header = header_of(settings, seed, Grade.SIM, 0)
     recorder = Recorder()
     lockstep = Lockstep(settings, seed, recorder.take)
+    header = header_of(settings, seed, Grade.SIM, 0) | {"drawn": json.dumps(drawn_values(lockstep.backend))}
     if log is not None:
         recorder.open(log, tables_of(lockstep.controller, lockstep.backend), header, settings.log.chunk_kib * 1024)
-    operator = LockstepOperator(lockstep, recorder)
+    operator = LockstepOperator(lockstep, recorder, plan)
     operator.log_parameters()
     failure: RtctlError | None = None
     lockstep.advance(1)  # loads the compiled loop, or compiles it, before the time counts
@@ -66,6 +78,11 @@ def simulate(
         insert_array(operator, settings, lockstep.controller.robot, report)
     except RtctlError as error:
         failure = error
+    broken = failure_of(lockstep.backend)
+    if broken is not None:  # what the script ran into is only what followed from it
+        failure, state = broken
+        if log is not None:
+            log.with_suffix(FAILED_STEP_SUFFIX).write_bytes(state)
     lockstep.advance(LAST_TICKS)
     lockstep.command(Verb.DISABLE)
     lockstep.advance(LAST_TICKS)
@@ -108,7 +125,7 @@ class Recorder:
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """All records and all truths so far."""
         records, truths = zip(*self._blocks, strict=True)
-        return np.concatenate(records), np.concatenate(truths)
+        return _joined(records), _joined(truths)
 
     def close(self) -> None:
         """Finish the log."""
@@ -116,11 +133,19 @@ class Recorder:
             self._writer.close()
 
 
-class LockstepOperator:
-    """An :class:`rtctl.workflow.Operator` for whom time passes only while it waits."""
+def _joined(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    """The rows of all blocks; as bytes, since numpy would reconcile the hundred fields of each block with the next's."""
+    return np.concatenate([block.view(np.uint8) for block in blocks]).view(blocks[0].dtype)
 
-    def __init__(self, lockstep: Lockstep, recorder: Recorder) -> None:
-        self._lockstep, self._recorder = lockstep, recorder
+
+class LockstepOperator:
+    """An :class:`rtctl.workflow.Operator` for whom time passes only while it waits.
+
+    known: the plan relative to the cochlea, if it is known already.
+    """
+
+    def __init__(self, lockstep: Lockstep, recorder: Recorder, known: Plan | None = None) -> None:
+        self._lockstep, self._recorder, self._known = lockstep, recorder, known
         self._last: Any = None
         self._plans = 0
         self.path: np.ndarray | None = None
@@ -158,7 +183,12 @@ class LockstepOperator:
         controller, entry = lockstep.controller, self._last["pose_entry"]
         self._plans += 1
         self.path = make_plan(
-            controller.settings, controller.robot, entry, self._plans, lambda done, total: progress(done / total)
+            controller.settings,
+            controller.robot,
+            entry,
+            self._plans,
+            lambda done, total: progress(done / total),
+            known=self._known,
         )
         content = {"number": self._plans, "pose_entry": entry.tolist()}
         self._recorder.document(PLANS, int(self._last["time_ns"]), content, self.path)

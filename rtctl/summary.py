@@ -84,6 +84,28 @@ class Run:
             pair[1]["pose_gripper_in_base"][inserting], pair[0]["pose_reference"][inserting], self.lengths
         )
 
+    def work_nmm(self) -> float:
+        """Work of the resistance over the part of the insertion that counts."""
+        rows = self.measured[np.isfinite(self.measured["force_axial_n"])]
+        return float(np.trapezoid(-rows["force_axial_n"], rows["depth_mm"])) if len(rows) > 1 else math.nan
+
+    def truth(self, name: str) -> np.ndarray | None:
+        """What is true of `name` during the insertion (k, ...); None where nobody knows."""
+        pair = self.recording.paired
+        if pair is None or name not in (pair[1].dtype.names or ()):
+            return None
+        return pair[1][name][np.isin(pair[0]["tick"], self.inserting["tick"])]
+
+    def became(self, name: str) -> bool | None:
+        """Whether a true event has happened by the end of the insertion; None where nobody knows."""
+        values = self.truth(name)
+        return None if values is None or not len(values) else bool(values[-1])
+
+    def true_peak(self, name: str) -> float:
+        """Largest true value during the insertion."""
+        values = self.truth(name)
+        return math.nan if values is None else _largest(values)
+
     def timing_us(self, name: str, percentile: float) -> float:
         """Percentile of a measured time [µs] over the ticks with power; NaN in lockstep, where nothing is measured."""
         times = self.records[name]
@@ -142,6 +164,11 @@ FIGURES = (
     Figure("aos_depth_mm", "mm", "depth at which the plan begins to withdraw the stylet (0.1 mm)", lambda r: r.aos_depth_mm),
     Figure("lateral_force_mean_n", "N", "mean force_lateral_n over the first 95 % of the inserted depth", lambda r: _mean(_finite(r.measured["force_lateral_n"]))),
     Figure("lateral_correction_mm", "mm", "largest path correction by the lateral admittance law", lambda r: _largest(np.linalg.norm(r.inserting["admittance_offset_mm"], axis=1))),
+    Figure("insertion_work_nmm", "N mm", "work of the resistance over the same part", lambda r: r.work_nmm()),
+    Figure("array_folded", "", "the array's tip is folded over at the end of the insertion, truth; simulation only", lambda r: r.became("folded")),
+    Figure("array_buckled", "", "the array stays bent outside the entry, truth; simulation only", lambda r: r.became("buckled")),
+    Figure("array_depth_mm", "mm", "largest true length of array beyond the entry; simulation only", lambda r: r.true_peak("array_depth_mm")),
+    Figure("lateral_wall_peak_n", "N", "largest true sum of the lateral wall's normal forces; simulation only", lambda r: r.true_peak("lateral_wall_n")),
     Figure("stylet_mm", "mm", "measured stylet withdrawal at the end of the insertion", lambda r: float(r.inserting["stylet_measured_mm"][-1]) if len(r.inserting) else math.nan),
     Figure("tip_path_error_rms_mm", "mm", "gripper tip, measured against reference, over the insertion", Run.tip_error),
     Figure("true_tip_error_rms_mm", "mm", "gripper tip, true against reference, over the insertion; simulation only", Run.true_tip_error),

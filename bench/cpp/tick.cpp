@@ -30,12 +30,17 @@ void begin(Memory &memory, const Sensors &sensors, Record &record) {
         if (valid) state.angle_rad[i] = sensors.axis_angle_rad[i];
     }
     for (int i = 0; i < 6; ++i) record.wrench_in_sensor[i] = sensors.wrench_in_sensor[i];
+    record.impedance_ohm = sensors.impedance_ohm;
+    record.impedance_pair = sensors.impedance_pair;
     record.axes_sequence = sensors.axes_sequence;
     record.wrench_sequence = sensors.wrench_sequence;
+    record.impedance_sequence = sensors.impedance_sequence;
     record.axes_age_ticks = sensors.axes_age_ticks;
     record.wrench_age_ticks = sensors.wrench_age_ticks;
+    record.impedance_age_ticks = sensors.impedance_age_ticks;
     record.axes_validity = sensors.axes_validity;
     record.wrench_validity = sensors.wrench_validity;
+    record.impedance_validity = sensors.impedance_validity;
     record.powered = sensors.powered;
     record.watchdog_tripped = sensors.watchdog_tripped;
     record.amplifier_fault = sensors.amplifier_fault;

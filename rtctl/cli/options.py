@@ -9,7 +9,7 @@ SET = Annotated[
     list[str] | None,
     typer.Option("--set", help="Override one setting, as key=value; may be repeated.", metavar="KEY=VALUE"),
 ]
-SEED = Annotated[int, typer.Option(help="Seed of the simulation's noise.", min=0)]
+SEED = Annotated[int, typer.Option(help="Seed of the simulation: noise, and scatter where it is on.", min=0)]
 ROBOT = Annotated[str, typer.Option(help="Name of the robot in every key.", envvar="RTCTL_ROBOT")]
 ENDPOINT = Annotated[str, typer.Option(help="Where its gateway listens.", envvar="RTCTL_ENDPOINT")]
 JSON = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.")]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -19,17 +19,22 @@ MODEL_CAPTION = (
     "Looking onto the plane of insertion. Shaded: the scala tympani where the controller believes it is, placed by the "
     "registered entry. Orange: its model of the array, free of contact, at the measured gripper and stylet."
 )
-TRUE_CAPTION = " Dashed and blue: where the scala and the array truly are in this simulation."
+TRUE_CAPTION = (
+    " Dashed and blue: where the scala and the array truly are in this simulation. Lines are the array's modiolar edge; "
+    "its body is half a millimetre or more wide and lies on the other side. Red: what walls and entry do to it."
+)
 SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
 """The five depths, as shares of the deepest."""
 WALL_END_DEG, WALL_STEP_DEG = 480.0, 2.0
 MODEL_POINTS = 73
 MARGIN_MM = 1.0
+MM_PER_N, LEAST_N = 20.0, 5e-4
+"""Length of a force in the picture, and the least one that is drawn."""
 
 
 def caption(run: Run) -> str:
     """What the picture shows, which depends on whether the truth is known."""
-    return MODEL_CAPTION + (TRUE_CAPTION if _true_arrays(run) is not None else "")
+    return MODEL_CAPTION + (TRUE_CAPTION if _true_rows(run) is not None else "")
 
 
 def draw(run: Run) -> Figure | None:
@@ -38,8 +43,8 @@ def draw(run: Run) -> Figure | None:
     if len(run.inserting) < 2 or len(entry) != 3 or not np.isfinite(entry).all():
         return None
     place = Placement.of_registration(entry)
-    truth = _true_arrays(run)
-    true_place = _true_placement(run)
+    truth = _true_rows(run)
+    true_place = true_placement(run.recording.truths)
     picks = [int(np.argmax(run.inserting["depth_mm"] >= share * run.depth_mm - 1e-9)) for share in SHARES]
     walls = place.walls()
     low, high = np.min(np.vstack(walls), axis=0), np.max(np.vstack(walls), axis=0)
@@ -54,7 +59,7 @@ def draw(run: Run) -> Figure | None:
                     axes.plot(*wall.T, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
             _array(axes, _model_array(run, row), ORANGE, 1.3)
             if truth is not None:
-                _array(axes, truth(int(row["tick"])), BLUE, 2.4)
+                draw_truth(axes, truth(int(row["tick"])))
             axes.plot(*place.entry_mm, marker="o", color=INK, markersize=3.5, markerfacecolor="white", zorder=3)
             axes.set_aspect("equal")
             axes.grid(visible=False)
@@ -77,6 +82,9 @@ def draw(run: Run) -> Figure | None:
             handles.insert(1, Line2D([], [], color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), label="walls, true"))
         if truth is not None:
             handles.append(Line2D([], [], color=BLUE, linewidth=2.4, label="array, true"))
+            handles.append(
+                Line2D([], [], color=RED, linewidth=1.0, label=f"force on it, {1e3 / MM_PER_N:.0f} mN per mm")
+            )
         figure.legend(handles=handles, loc="outside upper left", ncols=3)
         for axes in panels[4:]:
             axes.set_xlabel("x in {B} [mm]")
@@ -87,10 +95,10 @@ def draw(run: Run) -> Figure | None:
 
 
 class Placement:
-    """Where a cochlea lies in {B}: its entry [mm], and the turn [rad] from {C} to {B}."""
+    """Where a cochlea lies in {B}: its entry [mm], the turn [rad] from {C} to {B}, its size against the template's."""
 
-    def __init__(self, entry_mm: np.ndarray, turn_rad: float) -> None:
-        self.entry_mm, self.turn_rad = np.asarray(entry_mm, dtype=float), turn_rad
+    def __init__(self, entry_mm: np.ndarray, turn_rad: float, scale: float = 1.0) -> None:
+        self.entry_mm, self.turn_rad, self.scale = np.asarray(entry_mm, dtype=float), turn_rad, scale
 
     @classmethod
     def of_registration(cls, pose_entry: np.ndarray) -> "Placement":
@@ -100,7 +108,8 @@ class Placement:
     def to_base(self, points_in_cochlea: np.ndarray) -> np.ndarray:
         """Points (n, 2) in {B} [mm]."""
         c, s = math.cos(self.turn_rad), math.sin(self.turn_rad)
-        return self.entry_mm + (points_in_cochlea - cochlea.insertion_point()) @ np.array([[c, s], [-s, c]])
+        turned = (points_in_cochlea - cochlea.insertion_point()) @ np.array([[c, s], [-s, c]])
+        return self.entry_mm + self.scale * turned
 
     def walls(self) -> tuple[np.ndarray, np.ndarray]:
         """Lateral and modiolar wall (n, 2) in {B} [mm]."""
@@ -110,26 +119,21 @@ class Placement:
         )
 
 
-def _true_placement(run: Run) -> Placement | None:
-    """Where a simulated cochlea really is, if the backend's options say so."""
-    anatomy = run.recording.settings.backend.options.get("anatomy", {})
-    entry, angle = anatomy.get("entry_in_base_mm"), anatomy.get("insertion_angle_rad")
-    if run.recording.truths is None or entry is None or angle is None:
+def true_placement(truths: np.ndarray | None) -> Placement | None:
+    """Where a simulated cochlea really is, if the truths (n,) tell."""
+    if truths is None or not len(truths) or "cochlea_scale" not in (truths.dtype.names or ()):
         return None
-    return Placement(entry, float(angle) - cochlea.insertion_path().direction_rad)
+    row = truths[-1]
+    turn = float(row["insertion_angle_rad"]) - cochlea.insertion_path().direction_rad
+    return Placement(row["entry_in_base_mm"], turn, float(row["cochlea_scale"]))
 
 
-def _true_arrays(run: Run) -> Callable[[int], np.ndarray] | None:
-    """Function from a tick to the nodes (n, 2) of the true array in {B} [mm]; None if they are not known."""
+def _true_rows(run: Run) -> Callable[[int], np.void] | None:
+    """Function from a tick to what is true then; None if the array is not known."""
     truths = run.recording.truths
     if truths is None or "array_node_in_base_mm" not in (truths.dtype.names or ()):
         return None
-
-    def nodes(tick: int) -> np.ndarray:
-        k = min(int(np.searchsorted(truths["tick"], tick)), len(truths) - 1)
-        return truths["array_node_in_base_mm"][k].reshape(-1, 2)
-
-    return nodes
+    return lambda tick: truths[min(int(np.searchsorted(truths["tick"], tick)), len(truths) - 1)]
 
 
 def _model_array(run: Run, row: np.void) -> np.ndarray:
@@ -155,6 +159,18 @@ def _scala(axes: Axes, walls: tuple[np.ndarray, np.ndarray]) -> None:
 def _array(axes: Axes, points: np.ndarray, colour: str, width: float) -> None:
     axes.plot(*points.T, color=colour, linewidth=width, solid_capstyle="round")
     axes.plot(*points[-1], marker="x", color=RED if width > 2 else colour, markersize=4)
+
+
+def draw_truth(axes: Axes, truth: np.void, width: float = 2.4) -> None:
+    """The true array and, where they are known, the forces on it."""
+    points = truth["array_node_in_base_mm"].reshape(-1, 2)
+    _array(axes, points, BLUE, width)
+    if "contact_force_in_base_n" not in (truth.dtype.names or ()):
+        return
+    forces = truth["contact_force_in_base_n"].reshape(-1, 2)
+    felt = np.linalg.norm(forces, axis=1) > LEAST_N
+    lines = np.stack((points[felt], points[felt] + MM_PER_N * forces[felt]), axis=1)
+    axes.add_collection(LineCollection(list(lines), colors=RED, linewidths=1.0, zorder=2.6))
 
 
 def _gripper(axes: Axes, pose: np.ndarray) -> None:

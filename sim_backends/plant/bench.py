@@ -1,13 +1,16 @@
 """What happens on the bench in one tick: motors, wires, platform, array, sensor, in this order (08 section 1)."""
 
+import math
+
 from hal.kernel import kernel
 from rtctl.robots.planar_3rpr import forward, wire_jacobian
+from sim_backends.plant.impedance import CONTACTS, begin_sweep
 from sim_backends.plant.motors import amplify, turn
 from sim_backends.plant.rod.step import advance as step_array
 from sim_backends.plant.rod.step import lift
-from sim_backends.plant.sensor import bear, follow, settle
+from sim_backends.plant.sensor import bear, follow, settle, stand, swing
 from sim_backends.plant.state import AXES, LEGS, STYLET
-from sim_backends.plant.transmission import drag_piston
+from sim_backends.plant.transmission import drag_piston, pay_out
 
 SUBSTEPS = 2
 STYLET_MAX_MM = 15.0
@@ -21,7 +24,9 @@ def start(device, tick):
     device.axes_tick = device.wrench_tick = tick - 1
     device.rest_ticks = 0
     _touch(device)
-    bear(device.sensor, device.wrench, device.pose[2])
+    begin_sweep(device.impedance)
+    stand(device.sensor, device.pose)
+    _bear(device)
     settle(device.sensor)
 
 
@@ -40,7 +45,8 @@ def advance(device):
     device.rest_ticks = 0 if moving else device.rest_ticks + 1
     forward(device.robot, device.motor_angle, device.pose)  # where it fails the robot is held by its own joints
     _touch(device)
-    bear(device.sensor, device.wrench, device.pose[2])
+    swing(device.sensor, device.pose, device.period_s)
+    _bear(device)
     follow(device.sensor)
 
 
@@ -55,8 +61,8 @@ def _drive(device, jammed):
         for _ in range(SUBSTEPS):
             pull_n = 0.0
             if i < LEGS:
-                carriage_mm = motor.lead_mm_per_rad * motor.angle_rad
-                pull_n = drag_piston(device.leg[i], carriage_mm, device.load_n[i], device.load_gain, dt_s)
+                paid_out_mm, share = pay_out(device.leg[i], motor.lead_mm_per_rad * motor.angle_rad)
+                pull_n = share * drag_piston(device.leg[i], paid_out_mm, device.load_n[i], device.load_gain, dt_s)
             turn(motor, pull_n, stuck, dt_s)
     for i in range(LEGS):
         device.motor_angle[i] = device.leg[i].piston_mm / device.motor[i].lead_mm_per_rad
@@ -77,10 +83,34 @@ def _touch(device):
             cut_power(device)
     for k in range(3):
         wrench[k] = array.wrench[k]
+    _look_at_contacts(device.impedance, array)
     if device.array_loaded:
         _load_wires(device)
     else:
         device.load_n[0] = device.load_n[1] = device.load_n[2] = device.load_gain = 0.0
+
+
+@kernel
+def _bear(device):
+    """What the sensor bears; the specimen lifts the array where it enters."""
+    pose, entry = device.pose, device.scala.entry_mm
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = entry[0] - pose[0], entry[1] - pose[1]
+    bear(device.sensor, device.wrench, pose[2], device.array.lift_n, c * x + s * y, c * y - s * x)
+
+
+@kernel
+def _look_at_contacts(impedance, array):
+    """How far every electrode contact is from the modiolar wall; those on the way through the entry are in air."""
+    n = array.segments
+    for k in range(CONTACTS):
+        place = n - impedance.contact_from_tip_mm[k] / array.edge_mm
+        i = min(int(place), n - 1)
+        t = place - i
+        distance = math.nan
+        if i >= array.inside_from:
+            distance = (1.0 - t) * array.modiolar_gap_mm[i] + t * array.modiolar_gap_mm[i + 1]
+        impedance.modiolar_distance_mm[k] = distance
 
 
 @kernel

@@ -8,6 +8,7 @@ from numba import types
 from hal.frames import INVALID, SATURATED, VALID, actuator_frame, sensor_frame
 from hal.kernel import kernel
 from sim_backends.plant.bench import advance, clear_command, cut_power, load_array, start
+from sim_backends.plant.impedance import measure
 from sim_backends.plant.motors import encoder_angle
 from sim_backends.plant.scala import LEFT_LIP, LEFT_RECESS, RIGHT_LIP, RIGHT_RECESS
 from sim_backends.plant.sensor import sample
@@ -56,6 +57,21 @@ def _sample_wrench(device, sensors):
     sensors.wrench_validity = validity
     sensors.wrench_sequence = device.wrench_sequence
     sensors.wrench_age_ticks = min(device.tick - device.wrench_tick, NEVER) if device.started else NEVER
+
+
+@kernel
+def _sample_impedance(device, sensors):
+    """The last sample of the telemetry, until it is too old."""
+    impedance = device.impedance
+    age = NEVER
+    if device.started and impedance.sequence > 0:
+        age = min(device.tick - device.start_tick - impedance.sequence * impedance.period_ticks, NEVER)
+    known = device.opened and age <= max(impedance.stale_ticks, impedance.period_ticks)
+    sensors.impedance_ohm = impedance.ohm if known else math.nan
+    sensors.impedance_pair = impedance.pair if known else -1
+    sensors.impedance_validity = VALID if known else INVALID
+    sensors.impedance_sequence = impedance.sequence
+    sensors.impedance_age_ticks = age
 
 
 @kernel
@@ -127,9 +143,11 @@ def read(device, tick, sensors):
                 device.tick = tick
             else:
                 advance(device)
+            measure(device.impedance, device.seed, device.tick - device.start_tick)
         _tell_truth(device)
     _sample_axes(device, sensors)
     _sample_wrench(device, sensors)
+    _sample_impedance(device, sensors)
     sensors.powered = device.powered
     sensors.watchdog_tripped = device.tripped
     sensors.amplifier_fault = device.amplifier_fault

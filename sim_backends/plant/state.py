@@ -4,18 +4,23 @@ import math
 
 import numpy as np
 
+from hal.errors import OptionError
 from hal.options import table_of
 from hal.signals import TICK, TIME, Signal, Table
 from rtctl import robots
+from rtctl.electrode.cochlea import SPIRAL_A_MM
 from rtctl.robots.planar_3rpr import PLANAR_3RPR
-from sim_backends.plant import scala
+from sim_backends.plant import impedance, scala, transmission
+from sim_backends.plant.ideal import idealised
+from sim_backends.plant.impedance import IMPEDANCE
 from sim_backends.plant.motors import MOTOR
 from sim_backends.plant.options import Motor, PlantOptions, Sensor, StyletDrive
 from sim_backends.plant.rod import state as rod
 from sim_backends.plant.rod.state import ROD
 from sim_backends.plant.scala import SCALA
-from sim_backends.plant.sensor import SENSOR
+from sim_backends.plant.sensor import GRAVITY_M_PER_S2, SENSOR
 from sim_backends.plant.transmission import LEG
+from sim_backends.plant.trial import specimen
 
 LEGS, AXES, STYLET = 3, 4, 3
 NEVER_TICKS = 2**62
@@ -31,6 +36,9 @@ SIGNALS = (
     Signal("array_tip_in_base_mm", "f8", (2,), "mm", "true tip of the array; NaN without one", "B"),
     Signal("array_node_in_base_mm", "f8", (2 * SHOWN,), "mm", "x, y of points, gripper to tip; NaN without array", "B"),
     Signal("contact_force_in_base_n", "f8", (2 * SHOWN,), "N", "x, y of everything that touches it, at those points", "B"),
+    Signal("entry_in_base_mm", "f8", (2,), "mm", "true centre of the cochleostomy", "B"),
+    Signal("insertion_angle_rad", "f8", (), "rad", "true bearing of the insertion direction", "B"),
+    Signal("cochlea_scale", "f8", (), "", "size of the true cochlea, as a multiple of the template"),
     Signal("array_depth_mm", "f8", (), "mm", "length of the array beyond the entry"),
     Signal("modiolar_wall_n", "f8", (), "N", "sum of normal forces of the modiolar wall"),
     Signal("lateral_wall_n", "f8", (), "N", "sum of normal forces of the lateral wall"),
@@ -89,6 +97,7 @@ DEVICE = np.dtype(
         ("motor", MOTOR, (AXES,)),
         ("leg", LEG, (LEGS,)),
         ("sensor", SENSOR),
+        ("impedance", IMPEDANCE),
         ("scala", SCALA),
         ("array", ROD),
         ("truth", TRUTH),
@@ -109,8 +118,10 @@ def pack(options: PlantOptions, period_s: float, seed: int) -> np.ndarray:
     """A DEVICE record, shape (1,), at its start pose, closed and without power.
 
     Raises:
+        OptionError: options that each are within bounds do not go together.
         RobotError: the true geometry has no home, or the start pose cannot be assembled.
     """
+    options = idealised(options)
     device = np.zeros(1, DEVICE)
     d = device[0]
     d["seed"] = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
@@ -118,8 +129,12 @@ def pack(options: PlantOptions, period_s: float, seed: int) -> np.ndarray:
     _pack_robot(options, d)
     _pack_stylet(options.stylet, d["motor"][STYLET])
     _pack_sensor(options.sensor, period_s, seed, d["sensor"])
-    scala.pack(options.anatomy, options.bone if options.trial.specimen == "bone" else options.phantom, d["scala"])
+    impedance.pack(options.impedance, options.inject, options.array.length_mm, period_s, seed, d["impedance"])
+    scala.pack(options.anatomy, specimen(options), d["scala"])
     rod.pack(options.array, d["array"])
+    d["truth"]["entry_in_base_mm"] = options.anatomy.entry_in_base_mm
+    d["truth"]["insertion_angle_rad"] = options.anatomy.insertion_angle_rad
+    d["truth"]["cochlea_scale"] = options.anatomy.spiral_a_mm / SPIRAL_A_MM
     inject = options.inject
     for name in ("axes_silent", "wrench_silent", "wrench_saturated", "amplifier_fault", "jam"):
         after_s = getattr(inject, f"{name}_after_s")
@@ -141,12 +156,23 @@ def _pack_robot(options: PlantOptions, d: np.void) -> None:
         play_mm = eta * wire.backlash_rad[i]
         leg["friction_n"] = play_mm / 2 * (leg["near_n_per_mm"] + leg["far_n_per_mm"])
         leg["settling_s"] = wire.settling_s
+        leg["misalignment_mm"], leg["straight_mm"] = wire.misalignment_mm[i], wire.straight_mm
+        leg["pulley_radius_mm"] = options.geometry.pulley_radius_mm[i]
+        leg["home_length_mm"] = transmission.wire_length(
+            leg["straight_mm"], leg["misalignment_mm"], leg["pulley_radius_mm"]
+        )[0]
         leg["piston_mm"] = eta * d["motor_angle"][i]
         _pack_motor(options.motor, eta, motor)
-        motor["angle_rad"] = d["motor_angle"][i]
+        motor["angle_rad"] = transmission.carriage_of(leg, leg["piston_mm"]) / eta
         # a carriage that comes to its stop leaves its piston behind by half the play; the stop is set to allow for it
         motor["low_rad"] = (wire.home_error_mm[i] - play_mm / 2) / eta
         motor["high_rad"] = motor["low_rad"] + wire.stroke_mm / eta
+        nearest_mm = wire.straight_mm + eta * motor["low_rad"]
+        if nearest_mm <= 0.0 or nearest_mm**2 <= 2 * leg["pulley_radius_mm"] * leg["misalignment_mm"]:
+            raise OptionError(
+                "backend.options.wire.straight_mm leaves no room between carriage and pulley",
+                value=wire.straight_mm, remedy="make it larger, or misalignment_mm smaller",
+            )  # fmt: skip
 
 
 def _pack_stylet(options: StyletDrive, motor: np.void) -> None:
@@ -158,9 +184,12 @@ def _pack_stylet(options: StyletDrive, motor: np.void) -> None:
 
 def _pack_motor(options: Motor, lead_mm_per_rad: float, motor: np.void) -> None:
     for name in (
-        "gain_a_per_v", "current_limit_a", "torque_nmm_per_a", "inertia_nmm_s2", "viscous_nmm_s", "coulomb_nmm"
+        "gain_a_per_v", "current_limit_a", "torque_nmm_per_a", "inertia_nmm_s2", "viscous_nmm_s", "coulomb_nmm",
+        "gain_v_per_v", "resistance_ohm",
     ):  # fmt: skip
         motor[name] = getattr(options, name)
+    motor["in_voltage_mode"] = options.amplifier == "voltage"
+    motor["inductance_h"] = options.inductance_mh / 1000.0
     motor["screw_loss"] = 1.0 / options.screw_efficiency - 1.0
     motor["count_rad"] = 2 * math.pi / options.counts_per_turn
     motor["lead_mm_per_rad"] = lead_mm_per_rad
@@ -170,6 +199,7 @@ def _pack_sensor(options: Sensor, period_s: float, seed: int, sensor: np.void) -
     direction = np.array(options.gravity_direction_in_base)
     sensor["lever_mm"] = options.lever_mm
     sensor["weight_in_base_n"] = options.weight_n * direction / max(float(np.linalg.norm(direction)), 1e-12)
+    sensor["mass_kg"], sensor["inertia_kg_mm2"] = options.weight_n / GRAVITY_M_PER_S2, options.inertia_kg_mm2
     sensor["centre_of_mass_mm"] = options.centre_of_mass_in_sensor_mm
     sensor["rated"] = rated = np.repeat((options.rated_force_n, options.rated_moment_nmm), 3)
     error = np.random.default_rng(seed).standard_normal((6, 6)) * options.cross_axis_error
@@ -177,4 +207,5 @@ def _pack_sensor(options: Sensor, period_s: float, seed: int, sensor: np.void) -
     sensor["bias"] = options.bias
     sensor["drift_per_tick"] = np.array(options.drift_per_min) * period_s / 60.0
     sensor["noise"] = np.repeat((options.force_noise_n, options.moment_noise_nmm), 3)
+    sensor["step"] = np.repeat((options.force_step_n, options.moment_step_nmm), 3)
     sensor["smoothing"] = 1.0 - math.exp(-2 * math.pi * options.cutoff_hz * period_s)

@@ -104,7 +104,7 @@ class Adversary:
         frame = self.frames[self.at : self.at + 1].copy()
         if self.fault_left == 0 and self.random.random() < 0.003:
             self.fault = self.random.choice(
-                ["axes", "wrench", "wrench", "power", "watchdog", "amplifier", "force", "jump"]
+                ["axes", "wrench", "wrench", "impedance", "power", "watchdog", "amplifier", "force", "jump"]
             )
             self.fault_left = int(self.random.integers(1, 30))
         elif self.fault_left > 0:
@@ -115,6 +115,8 @@ class Adversary:
             frame["axes_validity"], frame["axis_angle_rad"], frame["axes_age_ticks"] = INVALID, np.nan, 1
         elif self.fault == "wrench":
             frame["wrench_validity"], frame["wrench_in_sensor"] = self.random.choice([FROZEN, SATURATED]), np.nan
+        elif self.fault == "impedance":
+            frame["impedance_validity"], frame["impedance_ohm"], frame["impedance_pair"] = INVALID, np.nan, -1
         elif self.fault == "power":
             frame["powered"] = 0
         elif self.fault == "force":

@@ -52,7 +52,17 @@ class Honest:
         for group in ("axes", "wrench"):
             sensors[f"{group}_sequence"] = self.sequence
             sensors[f"{group}_validity"] = VALID if self.opened else INVALID
+        self.telemeter(tick, sensors)
         sensors["powered"], sensors["watchdog_tripped"] = self.powered, self.tripped
+
+    def telemeter(self, tick, sensors):
+        """Every 90th tick a sample of the impedance, the first in the 90th."""
+        known = self.opened and tick >= 90
+        sensors["impedance_ohm"] = 1500.0 if known else math.nan
+        sensors["impedance_pair"] = tick // 90 % 21 if known else -1
+        sensors["impedance_sequence"] = tick // 90
+        sensors["impedance_age_ticks"] = tick % 90 if tick >= 90 else 2**31 - 1
+        sensors["impedance_validity"] = VALID if known else INVALID
 
     def counts(self, actuators):
         return bool(np.isfinite(actuators["command_v"]).all())
@@ -70,6 +80,13 @@ class Honest:
 
     def truth(self):
         return TRUTH, self.record
+
+
+class WithoutTelemetry(Honest):
+    """Keeps every promise too."""
+
+    def telemeter(self, _tick, sensors):
+        sensors["impedance_ohm"], sensors["impedance_pair"] = math.nan, -1
 
 
 class Wordless(Honest):
@@ -107,6 +124,24 @@ class Ageless(Honest):
     def read(self, tick, sensors):
         super().read(tick, sensors)
         sensors["wrench_sequence"] = 3
+
+
+class Pairless(Honest):
+    def telemeter(self, tick, sensors):
+        super().telemeter(tick, sensors)
+        sensors["impedance_pair"] = -1
+
+
+class Youthful(Honest):
+    def telemeter(self, tick, sensors):
+        super().telemeter(tick, sensors)
+        sensors["impedance_age_ticks"] = 0
+
+
+class Repeating(Honest):
+    def telemeter(self, tick, sensors):
+        super().telemeter(tick, sensors)
+        sensors["impedance_sequence"], sensors["impedance_age_ticks"] = min(tick // 90, 1), max(tick - 90, 0)
 
 
 class Unwatched(Honest):
@@ -171,8 +206,9 @@ class Disordered(Honest):
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
-def test_an_honest_backend_passes(check):
-    check(Honest)
+@pytest.mark.parametrize("honest", [Honest, WithoutTelemetry])
+def test_an_honest_backend_passes(check, honest):
+    check(honest)
 
 
 @pytest.mark.parametrize(
@@ -183,7 +219,10 @@ def test_an_honest_backend_passes(check):
         (conformance.closes_twice_and_without_power, Clinging),
         (conformance.is_silent_before_open, Babbling),
         (conformance.tells_validity, Unfounded),
+        (conformance.tells_validity, Pairless),
         (conformance.counts_samples, Ageless),
+        (conformance.counts_samples, Youthful),
+        (conformance.counts_samples, Repeating),
         (conformance.watchdog_removes_power, Unwatched),
         (conformance.watchdog_removes_power, Hasty),
         (conformance.watchdog_latches, Forgetful),

@@ -20,7 +20,8 @@ UNITS = (
     "_mm", "_rad", "_n", "_nmm", "_s", "_hz", "_v", "_a", "_bytes", "_kib", "_ticks", "_rows", "_rad_per_s", "_mm_per_s",
     "_mm_per_rad", "_rad_per_s2", "_mm_per_s2", "_rad_per_s3", "_mm_per_s3", "_v_per_rad", "_v_per_rad_s",
     "_v_s_per_rad", "_v_per_s", "_n_per_mm", "_mm_per_n_s", "_mm_rad", "_nmm2", "_nmm_s", "_nmm_s2", "_nmm_per_a",
-    "_a_per_v", "_in_base_mm", "_in_sensor_mm",
+    "_a_per_v", "_in_base_mm", "_in_sensor_mm", "_v_per_v", "_ohm", "_mh", "_mm2", "_kg_mm2",
+    "_n_per_mm2", "_per_mm", "_n_s_per_mm", "_n_s_per_mm2",
 )  # fmt: skip
 DIMENSIONLESS = {
     "electrode.modal_matrix",  # mixed powers of mm, in its unit text
@@ -28,8 +29,14 @@ DIMENSIONLESS = {
     "sensor.bias",  # N and N mm in one vector
     "sensor.drift_per_min",
     "sensor.cross_axis_error",
+    *(
+        f"{specimen}.{name}"
+        for specimen in ("phantom", "bone")
+        for name in ("friction", "friction_static", "curvature_sd", "friction_sd")
+    ),
     "motor.screw_efficiency",
     "stylet.motor.screw_efficiency",
+    "impedance.exponent",
     "anatomy.friction",
     "array.curvature_error",
 }

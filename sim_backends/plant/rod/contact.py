@@ -8,14 +8,14 @@ first. Normal forces lag one step in the friction, which keeps every step a mini
 import math
 
 from hal.kernel import kernel
-from sim_backends.plant.rod.friction import curb, grip, reach
+from sim_backends.plant.rod.friction import coefficient, curb, grip, reach
 from sim_backends.plant.rod.state import POSTS
 from sim_backends.plant.scala import wall_at
 
 FOOT_PACE_MM = 0.25
 """A foot moves at most so far at a time, many times as fast as an array is ever moved."""
-FOOT_UNIQUE = 0.8
-"""Nearer to the wall's centre of curvature than this share of its radius a node keeps the foot it has."""
+LEAST_OPEN = 0.2
+"""1 - curvature * gap, by which a foot runs ahead of its node: not less, for at the kink of the wall it would not be."""
 FOOT_NEAR_MM = 5e-3
 """Less than this along the wall is left to a series of second order: what it leaves out is below 1e-8 mm."""
 FOOT_STEPS = 6
@@ -108,11 +108,9 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     for _ in range(FOOT_STEPS):
         wx, wy, tx, ty, curvature, width, slope = wall_at(scala, foot)
         gap = (cy - wy) * tx - (cx - wx) * ty
-        ahead, along = 0.0, 0.0
-        if curvature * gap >= FOOT_UNIQUE:
-            break
         along = (cx - wx) * tx + (cy - wy) * ty
-        ahead = min(max(along / (1.0 - curvature * gap), -FOOT_PACE_MM), FOOT_PACE_MM)
+        open_share = max(1.0 - curvature * gap, LEAST_OPEN)
+        ahead = min(max(along / open_share, -FOOT_PACE_MM), FOOT_PACE_MM)
         foot += ahead
         if abs(ahead) < FOOT_NEAR_MM:
             break
@@ -122,21 +120,25 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     gap -= 0.5 * turn * along
     width += slope * ahead
     tx, ty = tx - turn * ty, ty + turn * tx
-    bend = curvature / max(1.0 - curvature * gap, 1.0 - FOOT_UNIQUE) if ahead != 0.0 else 0.0
+    open_share = max(1.0 - curvature * gap, LEAST_OPEN)
+    bend = curvature / open_share
     row = 2 * (rod.segments - i)
     if gap < r:
         _push(rod, i, -ty, tx, stiffness, r - gap)
         _stiffen(rod, row, tx, ty, stiffness * (r - gap) * bend)
         rod.lateral_n += stiffness * (r - gap)
     room = width - gap
+    rod.modiolar_gap_mm[i] = room - r
     if room < r:
         # the width changes along the wall: the slope of the distance is not quite the normal
-        tilt = slope / max(1.0 - curvature * gap, 1.0 - FOOT_UNIQUE) if ahead != 0.0 else 0.0
+        tilt = slope / open_share
         _push(rod, i, ty + tilt * tx, -tx + tilt * ty, stiffness, r - room)
         _stiffen(rod, row, tx, ty, -stiffness * (r - room) * bend)
         rod.modiolar_n += stiffness * (r - room)
     rod.touch_tangent[i, 0], rod.touch_tangent[i, 1] = tx, ty
     load = share * rod.edge_mm * scala.floor_load_n_per_mm
+    if i == rod.inside_from:
+        load += abs(rod.lift_n)
     dx, dy = rod.node_mm[i, 0] - rod.before_mm[i, 0], rod.node_mm[i, 1] - rod.before_mm[i, 1]
     slip = math.sqrt(dx * dx + dy * dy)
     hold = share * rod.edge_mm * scala.viscous_n_s_per_mm2 / step_s
@@ -144,9 +146,9 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     stiff = hold
     if load > 0.0:
         far = reach(slip, step_s)
-        hold += scala.friction * load / far
-        stiff += scala.friction * load / far * (1.0 if secant else curb(far, step_s))
-        rod.energy_nmm += scala.friction * load * far
+        hold += rod.floor_friction * load / far
+        stiff += rod.floor_friction * load / far * (1.0 if secant else curb(far, step_s))
+        rod.energy_nmm += rod.floor_friction * load * far
     rod.band[row, 0] += stiff
     rod.band[row + 1, 0] += stiff
     _pull(rod, i, row, -hold * dx, -hold * dy)
@@ -244,7 +246,7 @@ def _post(rod, scala, post):
     """
     rod.post_press_n[post] = 0.0
     if not rod.post_met[post]:
-        return  # an array loaded across the recess is threaded through it by hand
+        return
     px, py, reach = scala.post_mm[post, 0], scala.post_mm[post, 1], rod.post_reach_mm[post]
     edge = rod.post_edge[post]
     dx, dy = px - rod.node_mm[edge, 0], py - rod.node_mm[edge, 1]
@@ -276,7 +278,7 @@ def _press_chain(rod, post, edge, px, py, stiffness):
     at_end = True  # nothing comes before the first edge
     for e in range(first, last + 1):
         t, nx, ny, distance, _ = _toward(rod, e, px, py)
-        if e == 1 and t <= 0.0 or e > first and at_end == (t <= 0.0):
+        if (e == 1 and t <= 0.0) or (e > first and at_end == (t <= 0.0)):
             cx, cy = _centre(rod, e)
             dx, dy = px - cx, py - cy
             d = max(math.sqrt(dx * dx + dy * dy), LEAST_MM)
@@ -469,12 +471,14 @@ def _face_itself(rod):
 
 
 @kernel
-def enter(rod, scala):
+def enter(rod, scala, period_s):
     """Before a step: which nodes are beyond the entry, and the foot of each that has come in; posts near the gripper."""
     for post in range(POSTS):
         _follow(rod, scala, post)
     if rod.folded:
         _face_itself(rod)
+    pace = math.sqrt(rod.pace_mm[1, 0] ** 2 + rod.pace_mm[1, 1] ** 2)
+    rod.floor_friction = coefficient(scala, pace / period_s)
     n = rod.segments
     ex, ey, ax, ay = scala.entry_mm[0], scala.entry_mm[1], scala.axis[0], scala.axis[1]
     reach = scala.hole_radius_mm + scala.lip_radius_mm
@@ -505,12 +509,14 @@ def _follow(rod, scala, post):
     place = (edge + 0.5) * rod.edge_mm
     rod.post_share[post] = min(max((place - FREE_MM) / FREE_MM, 0.0), 1.0) if post >= RECESS else 1.0
     t, _, _, distance, left = _toward(rod, edge, px, py)
-    if distance >= rod.post_reach_mm[post]:
-        rod.post_met[post] = 1
-    if edge == rod.segments - 1 and t >= 1.0:
+    side = 1 if left > 0.0 else -1
+    ahead = edge == rod.segments - 1 and t >= 1.0
+    if distance >= rod.post_reach_mm[post] and (post < RECESS or side == 1 - 2 * (post % 2)):
+        rod.post_met[post] = 1  # until the array lies between the sides of the recess it is threaded through by hand
+    if ahead or not rod.post_met[post]:
         rod.post_side[post] = 0  # it can still pass the tip on either side
     elif rod.post_side[post] == 0:
-        rod.post_side[post] = 1 if left > 0.0 else -1
+        rod.post_side[post] = side
 
 
 @kernel
@@ -520,5 +526,4 @@ def _find_foot(rod, scala, i):
     for _ in range(FIND_STEPS):
         wx, wy, tx, ty, curvature, _, _ = wall_at(scala, rod.foot_mm[i])
         gap = (cy - wy) * tx - (cx - wx) * ty
-        if curvature * gap < FOOT_UNIQUE:
-            rod.foot_mm[i] += ((cx - wx) * tx + (cy - wy) * ty) / (1.0 - curvature * gap)
+        rod.foot_mm[i] += ((cx - wx) * tx + (cy - wy) * ty) / max(1.0 - curvature * gap, LEAST_OPEN)

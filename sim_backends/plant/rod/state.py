@@ -52,7 +52,9 @@ ROD = np.dtype(
         ("normal", "f8", (MAX_NODES, 2)),  # left of the line, at the start of the step
         ("pose", "f8", (3,)),
         # contacts
+        ("floor_friction", "f8"),  # of floor and lid in this step, at the speed of the gripper in the last
         ("inside_from", "i8"),  # first node beyond the entry, segments + 1 for none
+        ("modiolar_gap_mm", "f8", (MAX_NODES,)),  # from the modiolar edge to the wall, of nodes inside
         ("foot_mm", "f8", (MAX_NODES,)),  # arc length of the node's foot on the lateral wall
         ("grip_n", "f8", (MAX_NODES,)),  # friction node i may take: mu N of the step before
         ("press_n", "f8", (MAX_NODES,)),  # normal force of node i in this one
@@ -60,12 +62,8 @@ ROD = np.dtype(
         ("touch_tangent", "f8", (MAX_NODES, 2)),  # of what it touches in this step
         ("force_n", "f8", (MAX_NODES, 2)),  # of everything around on node i
         ("post_edge", "i8", (POSTS,)),  # edge nearest to the post
-        (
-            "post_side",
-            "i8",
-            (POSTS,),
-        ),  # it stays left (1) or right (-1) of the line while it touches, 0: beyond the tip
-        ("post_met", "u1", (POSTS,)),  # it has been clear of the post, which counts from then on
+        ("post_side", "i8", (POSTS,)),  # left (1) or right (-1) of the line, where it stays; 0: beyond the tip
+        ("post_met", "u1", (POSTS,)),  # it has lain on the right side of the post, which counts from then on
         ("post_grip_n", "f8", (POSTS,)),
         ("post_reach_mm", "f8", (POSTS,)),  # radius of post and array together, the same all through a step
         ("post_share", "f8", (POSTS,)),  # of its stiffness: none where the gripper is

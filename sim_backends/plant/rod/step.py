@@ -93,7 +93,7 @@ def advance(rod, scala, pose, stylet_mm, step_s):
         rod.pose[0] = x0 + share * (pose[0] - x0)
         rod.pose[1] = y0 + share * (pose[1] - y0)
         rod.pose[2] = p0 + share * (pose[2] - p0)
-        enter(rod, scala)
+        enter(rod, scala, step_s)
         set_stylet(rod, q0 + share * (stylet_mm - q0))
         if _settle(rod, scala, part, part * step_s):
             done = share
