@@ -14,21 +14,21 @@ FLOOR_N_PER_MM = 1e-4
 
 @kernel
 def eliminate(band, gradient, rows):
-    """LDL^T of the first `rows` rows in place, and of the gradient with it; gradient times Newton step.
+    """LDL^T of the first `rows` rows in place, and of the gradient with it; how many pivots were not positive.
 
     band (n + 1, 6), gradient (n + 1,) for n rows in all: the last one only takes zeros. Rows become those of the unit
     triangular factor, with the inverse pivot in front. A pivot that is not positive is turned round, so that the step
-    goes downhill: by the slope that is returned.
+    goes downhill.
     """
-    slope = 0.0
+    turned = 0
     for r in range(rows):
         pivot = band[r, 0]
         if pivot < FLOOR_N_PER_MM:
+            turned += 1
             pivot = max(-pivot, FLOOR_N_PER_MM)
         inverse = 1.0 / pivot
         band[r, 0] = inverse
         g = gradient[r]
-        slope += g * g * inverse
         a1, a2, a3, a4, a5 = band[r, 1], band[r, 2], band[r, 3], band[r, 4], band[r, 5]
         f1, f2, f3, f4, f5 = a1 * inverse, a2 * inverse, a3 * inverse, a4 * inverse, a5 * inverse
         band[r + 1, 0] -= f1 * a1
@@ -52,18 +52,21 @@ def eliminate(band, gradient, rows):
         gradient[r + 4] -= f4 * g
         gradient[r + 5] -= f5 * g
         band[r, 1], band[r, 2], band[r, 3], band[r, 4], band[r, 5] = f1, f2, f3, f4, f5
-    return slope
+    return turned
 
 
 @kernel
 def substitute(band, gradient, rows):
     """After :func:`eliminate`: the first `rows` of `gradient` become the solution of (matrix) x = gradient.
 
-    The rows behind them do not move: the clamp is where it is.
+    The rows behind them do not move: the clamp is where it is. Returned is gradient times x, the slope of a step by -x.
     """
-    x1 = x2 = x3 = x4 = x5 = 0.0
+    slope = x1 = x2 = x3 = x4 = x5 = 0.0
     for r in range(rows - 1, -1, -1):
-        x = gradient[r] * band[r, 0]
+        g = gradient[r]
+        x = g * band[r, 0]
+        slope += x * g
         x -= band[r, 1] * x1 + band[r, 2] * x2 + band[r, 3] * x3 + band[r, 4] * x4 + band[r, 5] * x5
         x1, x2, x3, x4, x5 = x, x1, x2, x3, x4
         gradient[r] = x
+    return slope

@@ -149,8 +149,8 @@ def _settle(rod, scala, part, step_s):
             cuts += 1
             continue
         last = rod.energy_nmm
-        gain = eliminate(rod.band, rod.gradient, rows)
-        substitute(rod.band, rod.gradient, rows)
+        eliminate(rod.band, rod.gradient, rows)
+        gain = substitute(rod.band, rod.gradient, rows)
         largest = 0.0
         for r in range(rows):
             rod.move_mm[r] = -rod.gradient[r]
