@@ -104,7 +104,7 @@ def _centre(rod, i):
 def _walls(rod, scala, i, stiffness, share, step_s, secant):
     """Both walls, floor and lid on node i, which is inside."""
     cx, cy = _centre(rod, i)
-    r, foot = rod.radius_mm[i], rod.foot_mm[i]
+    r, foot = rod.radius_mm[i], rod.foot_before_mm[i]
     for _ in range(FOOT_STEPS):
         wx, wy, tx, ty, curvature, width, slope = wall_at(scala, foot)
         gap = (cy - wy) * tx - (cx - wx) * ty
@@ -498,6 +498,14 @@ def enter(rod, scala, period_s):
         rod.grip_n[i] = 0.0
         rod.foot_mm[i] = scala.entry_arc_mm if i == n else rod.foot_mm[i + 1] - rod.edge_mm
         _find_foot(rod, scala, i)
+    _remember_feet(rod)
+
+
+@kernel
+def _remember_feet(rod):
+    """Each try at a step follows the feet from where they were, so that its energy is a function of the nodes alone."""
+    for i in range(rod.inside_from, rod.segments + 1):
+        rod.foot_before_mm[i] = rod.foot_mm[i]
 
 
 @kernel

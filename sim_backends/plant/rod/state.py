@@ -56,6 +56,7 @@ ROD = np.dtype(
         ("inside_from", "i8"),  # first node beyond the entry, segments + 1 for none
         ("modiolar_gap_mm", "f8", (MAX_NODES,)),  # from the modiolar edge to the wall, of nodes inside
         ("foot_mm", "f8", (MAX_NODES,)),  # arc length of the node's foot on the lateral wall
+        ("foot_before_mm", "f8", (MAX_NODES,)),  # the same at the start of the step
         ("grip_n", "f8", (MAX_NODES,)),  # friction node i may take: mu N of the step before
         ("press_n", "f8", (MAX_NODES,)),  # normal force of node i in this one
         ("tangent", "f8", (MAX_NODES, 2)),  # along which it rubs

@@ -82,6 +82,9 @@ def advance(rod, scala, pose, stylet_mm, step_s):
     `rod.wrench` becomes what the array does to the gripper, `rod.stiffness` how fast that changes with the pose. If it
     fails, the rod is as it was after the last part of the step that converged.
     """
+    if not abs(pose[0] + pose[1] + pose[2] + stylet_mm) < math.inf:
+        rod.failed = 1
+        return False
     if not rod.placed:
         place(rod, pose, stylet_mm)
     x0, y0, p0, q0 = rod.pose[0], rod.pose[1], rod.pose[2], rod.stylet_mm
@@ -89,6 +92,7 @@ def advance(rod, scala, pose, stylet_mm, step_s):
     done, part = 0.0, 1.0
     rod.failed = 0
     while done < 1.0:
+        x, y, p, q = rod.pose[0], rod.pose[1], rod.pose[2], rod.stylet_mm
         share = done + part
         rod.pose[0] = x0 + share * (pose[0] - x0)
         rod.pose[1] = y0 + share * (pose[1] - y0)
@@ -102,18 +106,23 @@ def advance(rod, scala, pose, stylet_mm, step_s):
         else:
             rod.retries += 1
             part *= 0.5
-            for i in range(rod.segments + 1):
-                for k in range(2):
-                    rod.node_mm[i, k] = rod.before_mm[i, k]
+            rod.pose[0], rod.pose[1], rod.pose[2] = x, y, p
+            set_stylet(rod, q)
+            _go_back(rod, scala, step_s)
             if part < SMALLEST or rod.iterations > BUDGET:
-                rod.pose[0] = x0 + done * (pose[0] - x0)
-                rod.pose[1] = y0 + done * (pose[1] - y0)
-                rod.pose[2] = p0 + done * (pose[2] - p0)
-                set_stylet(rod, q0 + done * (stylet_mm - q0))
                 rod.failed = 1
                 return False
     look(rod, scala)
     return True
+
+
+@kernel
+def _go_back(rod, scala, step_s):
+    """All nodes where they were, and what they touch there."""
+    for i in range(rod.segments + 1):
+        rod.node_mm[i, 0], rod.node_mm[i, 1] = rod.before_mm[i, 0], rod.before_mm[i, 1]
+        rod.foot_mm[i] = rod.foot_before_mm[i]
+    touch(rod, scala, step_s, True)
 
 
 @kernel
