@@ -8,7 +8,7 @@ first. Normal forces lag one step in the friction, which keeps every step a mini
 import math
 
 from hal.kernel import kernel
-from sim_backends.plant.rod.friction import coefficient, curb, grip, reach
+from sim_backends.plant.rod.friction import REST_MM_PER_S, coefficient, curb, grip, reach
 from sim_backends.plant.rod.state import POSTS
 from sim_backends.plant.scala import wall_at
 
@@ -20,6 +20,10 @@ FOOT_NEAR_MM = 5e-3
 """Less than this along the wall is left to a series of second order: what it leaves out is below 1e-8 mm."""
 FOOT_STEPS = 6
 FIND_STEPS = 8
+ASIDE_MM = 0.5
+"""A post further from the array than this does not touch it, in whatever way the array moves in one step."""
+LOOK_MM = 0.02
+"""A node that has moved so far looks at the walls again, however far they were."""
 LEAST_MM = 1e-9
 ROUND_MM = 0.05
 """Nearer to a post's middle its push turns so fast with the place that the Hessian leaves it at that."""
@@ -42,9 +46,8 @@ def touch(rod, scala, step_s, secant):
     secant: friction with its secant as stiffness, or with its tangent.
     """
     n = rod.segments
-    for i in range(n + 1):
-        rod.force_n[i, 0] = rod.force_n[i, 1] = 0.0
-        rod.press_n[i] = 0.0
+    rod.force_n[: n + 1] = 0.0
+    rod.press_n[: n + 1] = 0.0
     rod.modiolar_n = rod.lateral_n = rod.face_n = rod.self_n = 0.0
     ex, ey, ax, ay = scala.entry_mm[0], scala.entry_mm[1], scala.axis[0], scala.axis[1]
     stiffness = scala.stiffness_n_per_mm2 * rod.edge_mm
@@ -59,7 +62,10 @@ def touch(rod, scala, step_s, secant):
         if i <= rod.inside_from + 1:  # nodes come in smoothly
             depth = (rod.before_mm[i, 0] - ex) * ax + (rod.before_mm[i, 1] - ey) * ay
             share = min(max(depth / rod.edge_mm, 0.0), 1.0)
-        _walls(rod, scala, i, share * stiffness, share, step_s, secant)
+        dx, dy = rod.node_mm[i, 0] - rod.before_mm[i, 0], rod.node_mm[i, 1] - rod.before_mm[i, 1]
+        if abs(dx) + abs(dy) >= rod.clear_mm[i]:
+            _walls(rod, scala, i, share * stiffness)
+        _floor(rod, scala, i, dx, dy, share * rod.edge_mm, step_s, secant)
     for i in range(2, n + 1):
         if rod.grip_n[i] > 0.0:
             _rub(rod, i, step_s, secant)
@@ -101,8 +107,8 @@ def _centre(rod, i):
 
 
 @kernel
-def _walls(rod, scala, i, stiffness, share, step_s, secant):
-    """Both walls, floor and lid on node i, which is inside."""
+def _walls(rod, scala, i, stiffness):
+    """Both walls on node i, which is inside."""
     cx, cy = _centre(rod, i)
     r, foot = rod.radius_mm[i], rod.foot_before_mm[i]
     for _ in range(FOOT_STEPS):
@@ -120,35 +126,45 @@ def _walls(rod, scala, i, stiffness, share, step_s, secant):
     gap -= 0.5 * turn * along
     width += slope * ahead
     tx, ty = tx - turn * ty, ty + turn * tx
-    open_share = max(1.0 - curvature * gap, LEAST_OPEN)
-    bend = curvature / open_share
+    room = width - gap
+    rod.modiolar_gap_mm[i] = room - r
+    rod.free_mm[i] = min(gap, room) - r
+    if rod.free_mm[i] >= 0.0:
+        return
+    per_open = 1.0 / max(1.0 - curvature * gap, LEAST_OPEN)
+    bend = curvature * per_open
     row = 2 * (rod.segments - i)
     if gap < r:
         _push(rod, i, -ty, tx, stiffness, r - gap)
         _stiffen(rod, row, tx, ty, stiffness * (r - gap) * bend)
         rod.lateral_n += stiffness * (r - gap)
-    room = width - gap
-    rod.modiolar_gap_mm[i] = room - r
     if room < r:
         # the width changes along the wall: the slope of the distance is not quite the normal
-        tilt = slope / open_share
+        tilt = slope * per_open
         _push(rod, i, ty + tilt * tx, -tx + tilt * ty, stiffness, r - room)
         _stiffen(rod, row, tx, ty, -stiffness * (r - room) * bend)
         rod.modiolar_n += stiffness * (r - room)
     rod.touch_tangent[i, 0], rod.touch_tangent[i, 1] = tx, ty
-    load = share * rod.edge_mm * scala.floor_load_n_per_mm
+
+
+@kernel
+def _floor(rod, scala, i, dx, dy, length_mm, step_s, secant):
+    """Friction of floor and lid on node i, which is inside with this length of the array and has moved by (dx, dy)."""
+    load = length_mm * scala.floor_load_n_per_mm
     if i == rod.inside_from:
         load += abs(rod.lift_n)
-    dx, dy = rod.node_mm[i, 0] - rod.before_mm[i, 0], rod.node_mm[i, 1] - rod.before_mm[i, 1]
-    slip = math.sqrt(dx * dx + dy * dy)
-    hold = share * rod.edge_mm * scala.viscous_n_s_per_mm2 / step_s
-    rod.energy_nmm += 0.5 * hold * slip * slip
+    slip = dx * dx + dy * dy
+    hold = length_mm * scala.viscous_n_s_per_mm2 / step_s
+    rod.energy_nmm += 0.5 * hold * slip
     stiff = hold
     if load > 0.0:
-        far = reach(slip, step_s)
-        hold += rod.floor_friction * load / far
-        stiff += rod.floor_friction * load / far * (1.0 if secant else curb(far, step_s))
-        rod.energy_nmm += rod.floor_friction * load * far
+        rest = step_s * REST_MM_PER_S
+        far = math.sqrt(slip + rest * rest)
+        drag = rod.floor_friction * load / far
+        hold += drag
+        stiff += drag if secant else drag * curb(far, step_s)
+        rod.energy_nmm += drag * far * far
+    row = 2 * (rod.segments - i)
     rod.band[row, 0] += stiff
     rod.band[row + 1, 0] += stiff
     _pull(rod, i, row, -hold * dx, -hold * dy)
@@ -250,7 +266,7 @@ def _post(rod, scala, post):
     px, py, reach = scala.post_mm[post, 0], scala.post_mm[post, 1], rod.post_reach_mm[post]
     edge = rod.post_edge[post]
     dx, dy = px - rod.node_mm[edge, 0], py - rod.node_mm[edge, 1]
-    far = 2.0 * reach + 3.0 * rod.edge_mm
+    far = reach + 2.0 * rod.edge_mm + ASIDE_MM
     if dx * dx + dy * dy > far * far:
         return
     edge = _foremost(rod, edge, px, py)
@@ -385,6 +401,18 @@ def _slip(rod, edge, t, tx, ty):
 
 
 @kernel
+def keep_clear(rod):
+    """After a step: how far the nodes inside can move before they may touch a wall. A width does not change faster."""
+    for i in range(rod.inside_from, rod.segments + 1):
+        moved = abs(rod.node_mm[i, 0] - rod.before_mm[i, 0]) + abs(rod.node_mm[i, 1] - rod.before_mm[i, 1])
+        if rod.free_mm[i] >= 0.0:  # it has looked
+            rod.clear_mm[i] = 0.5 * min(rod.free_mm[i], LOOK_MM)
+        else:
+            rod.clear_mm[i] -= moved
+        rod.free_mm[i] = -1.0
+
+
+@kernel
 def keep_grip(rod, scala, step_s):
     """After a step: where every contact rubs in the next one, and the friction it may take."""
     for i in range(2, rod.segments + 1):
@@ -495,7 +523,8 @@ def enter(rod, scala, period_s):
         if depth < 0.0 or abs((cy - ey) * ax - (cx - ex) * ay) > reach:
             break
         rod.inside_from = i
-        rod.grip_n[i] = 0.0
+        rod.grip_n[i] = rod.clear_mm[i] = 0.0
+        rod.free_mm[i] = -1.0
         rod.foot_mm[i] = scala.entry_arc_mm if i == n else rod.foot_mm[i + 1] - rod.edge_mm
         _find_foot(rod, scala, i)
     _remember_feet(rod)

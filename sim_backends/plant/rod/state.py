@@ -57,6 +57,8 @@ ROD = np.dtype(
         ("modiolar_gap_mm", "f8", (MAX_NODES,)),  # from the modiolar edge to the wall, of nodes inside
         ("foot_mm", "f8", (MAX_NODES,)),  # arc length of the node's foot on the lateral wall
         ("foot_before_mm", "f8", (MAX_NODES,)),  # the same at the start of the step
+        ("free_mm", "f8", (MAX_NODES,)),  # from the nearer wall, of a node that looked in this step; else negative
+        ("clear_mm", "f8", (MAX_NODES,)),  # node i can move so far and touch no wall
         ("grip_n", "f8", (MAX_NODES,)),  # friction node i may take: mu N of the step before
         ("press_n", "f8", (MAX_NODES,)),  # normal force of node i in this one
         ("tangent", "f8", (MAX_NODES, 2)),  # along which it rubs

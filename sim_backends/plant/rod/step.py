@@ -8,7 +8,7 @@ import math
 
 from hal.kernel import kernel
 from sim_backends.plant.rod.band import eliminate, substitute
-from sim_backends.plant.rod.contact import enter, keep_grip, touch
+from sim_backends.plant.rod.contact import enter, keep_clear, keep_grip, touch
 from sim_backends.plant.rod.elastic import assemble
 from sim_backends.plant.rod.events import look
 from sim_backends.plant.rod.state import POSTS
@@ -16,7 +16,7 @@ from sim_backends.plant.rod.stylet import remember, set_stylet
 
 ITERATIONS = 40
 SECANTS, ROUND = 1, 2
-"""Of every six solves the first three take friction's secant, which lands on what sticks, then its tangent, which slips."""
+"""Of every two solves the first takes friction's secant, which lands on what sticks, the other its tangent, which slips."""
 TOLERANCE_MM = 2e-4
 """A Newton step this short is the last: what remains after it is its square, below 1e-4 N in the stiffest spring."""
 REACH_MM = 0.1
@@ -158,12 +158,16 @@ def _settle(rod, scala, part, step_s):
             cuts += 1
             continue
         last = rod.energy_nmm
-        eliminate(rod.band, rod.gradient, rows)
-        gain = substitute(rod.band, rod.gradient, rows)
-        largest = 0.0
+        gradient, move = rod.gradient, rod.move_mm
         for r in range(rows):
-            rod.move_mm[r] = -rod.gradient[r]
-            size = abs(rod.gradient[r])
+            move[r] = gradient[r]
+        eliminate(rod.band, gradient, rows)
+        substitute(rod.band, gradient, rows)
+        largest, gain = 0.0, 0.0  # gain: by how much the energy falls along the step, at first sight
+        for r in range(rows):
+            gain += move[r] * gradient[r]
+            move[r] = -gradient[r]
+            size = abs(move[r])
             if not size <= largest:  # NaN, too, is larger
                 largest = size
         if not largest < math.inf:
@@ -172,7 +176,7 @@ def _settle(rod, scala, part, step_s):
         cuts = 0
         solves += 1
         _move(rod, scale)
-        if largest < TOLERANCE_MM or gain < NOISE_NMM:
+        if largest < TOLERANCE_MM or (gain < NOISE_NMM and largest < 10.0 * TOLERANCE_MM):
             return True
     return False
 
@@ -191,14 +195,15 @@ def _move(rod, scale):
 def _commit(rod, scala, part, step_s):
     """The step is done: note what the gripper feels, and what is remembered."""
     _feel(rod)
-    n = rod.segments
     _turn_joints(rod)
     keep_grip(rod, scala, step_s)
-    for i in range(n + 1):
-        for k in range(2):
-            pace = rod.node_mm[i, k] - rod.before_mm[i, k]
-            rod.pace_mm[i, k] = pace if part == 1.0 and abs(pace) < JUMP_MM else 0.0  # a jump does not go on
-            rod.before_mm[i, k] = rod.node_mm[i, k]
+    keep_clear(rod)
+    x, before, pace = rod.node_mm, rod.before_mm, rod.pace_mm
+    for i in range(rod.segments + 1):
+        px, py = x[i, 0] - before[i, 0], x[i, 1] - before[i, 1]
+        goes_on = part == 1.0 and max(abs(px), abs(py)) < JUMP_MM  # a jump does not
+        pace[i, 0], pace[i, 1] = (px, py) if goes_on else (0.0, 0.0)
+        before[i, 0], before[i, 1] = x[i, 0], x[i, 1]
     _turn_normals(rod)
     remember(rod)
 
@@ -243,24 +248,29 @@ def _lever(rod, a):
 def _turn_joints(rod):
     """Turning angles after the last Newton step, which was so short that they follow it linearly."""
     n, x, move = rod.segments, rod.node_mm, rod.move_mm
-    ux = mx = my = 0.0
-    for i in range(n):  # edge i, from node i to node i + 1
+    ux = mx = my = 0.0  # of the edge and the node before; the gripper's do not move
+    for i in range(1, n):
         ex, ey = x[i + 1, 0] - x[i, 0], x[i + 1, 1] - x[i, 1]
-        inverse = 1.0 / (ex * ex + ey * ey)
-        fx = move[2 * (n - i - 1)] if i >= 1 else 0.0
-        fy = move[2 * (n - i - 1) + 1] if i >= 1 else 0.0
-        turned = (-ey * (fx - mx) + ex * (fy - my)) * inverse
-        if i >= 1:
-            rod.turn_rad[i] = rod.turning_rad[i] + turned - ux
+        r = 2 * (n - i - 1)
+        fx, fy = move[r], move[r + 1]
+        turned = (ex * (fy - my) - ey * (fx - mx)) / (ex * ex + ey * ey)
+        rod.turn_rad[i] = rod.turning_rad[i] + turned - ux
         ux, mx, my = turned, fx, fy
 
 
 @kernel
 def _turn_normals(rod):
     """Left normals of the line at its nodes."""
-    n, x = rod.segments, rod.node_mm
-    for i in range(n + 1):
-        a, b = max(i - 1, 0), min(i + 1, n)
-        ex, ey = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1]
-        inverse = 1.0 / math.sqrt(ex * ex + ey * ey)
-        rod.normal[i, 0], rod.normal[i, 1] = -ey * inverse, ex * inverse
+    n, x, normal = rod.segments, rod.node_mm, rod.normal
+    _turn_normal(x[0], x[1], normal[0])
+    for i in range(1, n):
+        _turn_normal(x[i - 1], x[i + 1], normal[i])
+    _turn_normal(x[n - 1], x[n], normal[n])
+
+
+@kernel
+def _turn_normal(near, far, normal):
+    """Left normal of the way from one node to another."""
+    ex, ey = far[0] - near[0], far[1] - near[1]
+    inverse = 1.0 / math.sqrt(ex * ex + ey * ey)
+    normal[0], normal[1] = -ey * inverse, ex * inverse

@@ -1,5 +1,7 @@
 """The stylet: where it is, it stiffens the array and straightens it; bent too far, either stays bent (08 section 3)."""
 
+import math
+
 from hal.kernel import kernel
 
 
@@ -35,19 +37,18 @@ def set_stylet(rod, stylet_mm):
 def remember(rod):
     """Plastic set of both materials: what is bent beyond its yield curvature keeps the rest. True if anything did."""
     changed = False
-    largest = 0.0
     n, edge = rod.segments, rod.edge_mm
+    per_edge, array_yield, stylet_yield = 1.0 / edge, rod.array_yield_per_mm, rod.stylet_yield_per_mm
     for i in range(1, n):
-        bent = rod.turn_rad[i] / edge
+        bent = rod.turn_rad[i] * per_edge
         over = bent - rod.rest_per_mm[i] - rod.array_set_per_mm[i]
-        if abs(over) > rod.array_yield_per_mm:
-            rod.array_set_per_mm[i] += over - (rod.array_yield_per_mm if over > 0.0 else -rod.array_yield_per_mm)
+        if abs(over) > array_yield:
+            rod.array_set_per_mm[i] += over - math.copysign(array_yield, over)
+            rod.set_per_mm = max(rod.set_per_mm, abs(rod.array_set_per_mm[i]))
             changed = True
-        if occupied(rod, (n - i) * edge, rod.stylet_mm) > 0.5:
-            over = bent - rod.stylet_set_per_mm[i]
-            if abs(over) > rod.stylet_yield_per_mm:
-                rod.stylet_set_per_mm[i] += over - (rod.stylet_yield_per_mm if over > 0.0 else -rod.stylet_yield_per_mm)
-                changed = True
-        largest = max(largest, abs(rod.array_set_per_mm[i]), abs(rod.stylet_set_per_mm[i]))
-    rod.set_per_mm = largest
+        over = bent - rod.stylet_set_per_mm[i]
+        if abs(over) > stylet_yield and occupied(rod, (n - i) * edge, rod.stylet_mm) > 0.5:
+            rod.stylet_set_per_mm[i] += over - math.copysign(stylet_yield, over)
+            rod.set_per_mm = max(rod.set_per_mm, abs(rod.stylet_set_per_mm[i]))
+            changed = True
     return changed
