@@ -28,7 +28,7 @@ from rtctl.recording import Recording
 from rtctl.settings import Settings, public_table
 from rtctl.workflow import Cause, Predicate, Progress, conditions_of, insert_array
 
-GLANCE_TICKS = 50
+GLANCE_TICKS = 100
 """How often the script looks at the records; part of the experiment, so it must not depend on the machine."""
 FAILED_STEP_SUFFIX = ".failed-step"
 """Beside the log: the state of a simulated backend that could not go on."""
@@ -108,7 +108,7 @@ class Recorder:
 
     def take(self, records: np.ndarray, truths: np.ndarray) -> None:
         """The sink of a :class:`rtctl.lockstep.Lockstep`."""
-        self._blocks.append((records.copy(), truths.copy()))
+        self._blocks.append((records, truths))
         events = [msgspec.to_builtins(event) for event in self.watcher.watch(records)]
         self.events += events
         if self._writer is not None:

@@ -166,7 +166,7 @@ FIGURES = (
     Figure("lateral_correction_mm", "mm", "largest path correction by the lateral admittance law", lambda r: _largest(np.linalg.norm(r.inserting["admittance_offset_mm"], axis=1))),
     Figure("insertion_work_nmm", "N mm", "work of the resistance over the same part", lambda r: r.work_nmm()),
     Figure("array_folded", "", "the array's tip is folded over at the end of the insertion, truth; simulation only", lambda r: r.became("folded")),
-    Figure("array_buckled", "", "the array stays bent outside the entry, truth; simulation only", lambda r: r.became("buckled")),
+    Figure("array_buckled", "", "the array stays bent by more than 10 degrees outside the entry, truth; simulation only", lambda r: r.became("buckled")),
     Figure("array_depth_mm", "mm", "largest true length of array beyond the entry; simulation only", lambda r: r.true_peak("array_depth_mm")),
     Figure("lateral_wall_peak_n", "N", "largest true sum of the lateral wall's normal forces; simulation only", lambda r: r.true_peak("lateral_wall_n")),
     Figure("stylet_mm", "mm", "measured stylet withdrawal at the end of the insertion", lambda r: float(r.inserting["stylet_measured_mm"][-1]) if len(r.inserting) else math.nan),

@@ -76,9 +76,9 @@ def figures(insertions: Insertions) -> dict[str, float]:
 
 def against_table(insertions: Insertions) -> np.ndarray:
     """Mean force over depth less that of Table V.2, in standard deviations of Table V.2, where it counts."""
-    mean, deviation = resistance(LAMBDA * FULL_DEPTH_MM)
-    z = (np.nanmean(insertions.axial_n, axis=0) - mean) / np.maximum(deviation, SENSOR_FLOOR_N)
-    return z[insertions.counted]
+    counted = insertions.counted
+    mean, deviation = resistance(LAMBDA[counted] * FULL_DEPTH_MM)
+    return (np.nanmean(insertions.axial_n[:, counted], axis=0) - mean) / np.maximum(deviation, SENSOR_FLOOR_N)
 
 
 def misfit(specimen: str, insertions: Insertions) -> float:

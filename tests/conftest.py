@@ -36,7 +36,7 @@ class Rig:
     def __init__(self, *overrides: str, seed: int = 1, anatomy: bool = False) -> None:
         self.settings = load("planar-sim", overrides if anatomy else (NOTHING_IN_REACH, *overrides))
         self._blocks: list[tuple[np.ndarray, np.ndarray]] = []
-        self.lockstep = Lockstep(self.settings, seed, lambda r, t: self._blocks.append((r.copy(), t.copy())))
+        self.lockstep = Lockstep(self.settings, seed, lambda r, t: self._blocks.append((r, t)))
         self.controller = self.lockstep.controller
         self.robot = self.controller.robot
 
@@ -121,7 +121,7 @@ class Rig:
         """Another rig that goes on from here."""
         twin = object.__new__(Rig)
         twin.settings, twin._blocks, twin._before = self.settings, [], self.last
-        twin.lockstep = Lockstep(self.settings, 1, lambda r, t: twin._blocks.append((r.copy(), t.copy())))
+        twin.lockstep = Lockstep(self.settings, 1, lambda r, t: twin._blocks.append((r, t)))
         twin.controller, twin.robot = twin.lockstep.controller, self.robot
         a, b = self.lockstep, twin.lockstep
         for name in ("memory", "sensors", "actuators"):

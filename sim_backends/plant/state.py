@@ -56,7 +56,7 @@ SIGNALS = (
     Signal("array_loaded", "u1", (), "", "an array is in the gripper"),
     Signal("inside", "u1", (), "", "the array has found the entry"),
     Signal("folded", "u1", (), "", "the tip points backwards in the scala"),
-    Signal("buckled", "u1", (), "", "the array stays bent outside the entry"),
+    Signal("buckled", "u1", (), "", "the array stays bent by more than 10 degrees outside the entry"),
     Signal("failed", "u1", (), "", "the simulation of the array did not converge; it stands still"),
 )  # fmt: skip
 TABLE = Table("Truth", SIGNALS)

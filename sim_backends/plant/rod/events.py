@@ -5,8 +5,9 @@ import math
 from hal.kernel import kernel
 from sim_backends.plant.scala import wall_at
 
-BUCKLED_PER_MM = 0.02
-"""Permanent curvature outside the entry that makes an array one to be replaced (D section VI: not elastic instability)."""
+BUCKLED_RAD = math.radians(10.0)
+"""Permanent bend of the shaft outside the entry that anyone sees, and that makes an array one to be replaced (D section
+VI: not elastic instability). Loads of a normal insertion leave up to half of it in the shaft in its last millimetre."""
 
 
 @kernel
@@ -29,9 +30,17 @@ def look(rod, scala):
         rod.folded = dx * tx + dy * ty < 0.0
     else:
         rod.folded = 0
+    if rod.set_per_mm > 0.0 and _bend_rad(rod, outside) > BUCKLED_RAD:
+        rod.buckled = 1
+
+
+@kernel
+def _bend_rad(rod, outside):
+    """Permanent bend of the joints before `outside`, whatever its direction, of the material that kept more of it."""
+    bend = 0.0
     for j in range(1, outside):
-        if max(abs(rod.stylet_set_per_mm[j]), abs(rod.array_set_per_mm[j])) > BUCKLED_PER_MM:
-            rod.buckled = 1
+        bend += max(abs(rod.stylet_set_per_mm[j]), abs(rod.array_set_per_mm[j]))
+    return bend * rod.edge_mm
 
 
 @kernel

@@ -17,7 +17,7 @@ from sim_backends.plant.rod.stylet import remember, set_stylet
 ITERATIONS = 40
 SECANTS, ROUND = 1, 2
 """Of every two solves the first takes friction's secant, which lands on what sticks, the other its tangent, which slips."""
-TOLERANCE_MM = 5e-5
+TOLERANCE_MM = 1e-4
 """A Newton step this short is the last: what remains after it is its square, below 1e-4 N in the stiffest spring."""
 REACH_MM = 0.1
 """No node moves further in one iteration."""

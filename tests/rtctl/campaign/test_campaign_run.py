@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
 
@@ -154,7 +155,10 @@ def _rows_in(path):
 def test_an_end_in_the_middle_leaves_a_table_and_no_processes(tmp_path, jobs, killer):
     path = tmp_path / "table.csv"
     command = [sys.executable, "-m", "rtctl", *ARGUMENTS, "--count", "5000", "--to", str(path), "--jobs", str(jobs)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+    listen = partial(signal.signal, signal.SIGINT, signal.default_int_handler)  # a job in the background would not
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=listen
+    ) as process:
         end = time.monotonic() + 120
         while _rows_in(path) < 3:
             assert process.poll() is None

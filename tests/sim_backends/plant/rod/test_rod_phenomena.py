@@ -45,27 +45,36 @@ def test_a_stylet_that_is_pulled_far_too_early_spoils_most_insertions(on_time):
     assert rate(early, "folded") > rate(on_time, "folded")
 
 
+def off(offset_mm):
+    """Entries beside where they should be by this much and no more."""
+    return replace(USUAL, lateral_mm=offset_mm, tissue=replace(Phantom(), lateral_sd_mm=0.0))
+
+
+@pytest.mark.parametrize("offset_mm", [1.0, -1.0])
+def test_an_offset_of_a_millimetre_at_the_entry_always_buckles_the_shaft(offset_mm):
+    runs = scattered_runs(off(offset_mm), RUNS // 2, seed=2)
+    assert rate(runs, "bent_at_last") == 1.0
+
+
 @pytest.mark.parametrize("offset_mm", [1.5, -1.5])
-def test_a_large_offset_at_the_entry_buckles_the_shaft(offset_mm):
-    tissue = replace(Phantom(), lateral_sd_mm=0.0)
-    runs = scattered_runs(replace(USUAL, lateral_mm=offset_mm, tissue=tissue), RUNS // 2, seed=2)
-    assert rate(runs, "buckled") > 0.75  # 08 section 5 says always: not met, see docs/explanation/plant.md
-    assert all(run.trace["set_per_mm"][-1] > 0.02 for run in runs if run.buckled)  # it stays bent
+def test_a_larger_one_buckles_it_unless_the_tip_slips_along_the_bone(offset_mm):
+    runs = scattered_runs(off(offset_mm), RUNS // 2, seed=2)
+    assert rate(runs, "bent_at_last") > 0.75
+    assert all(run.buckled or run.stuck or run.peak_n > 1.0 for run in runs)
 
 
 @pytest.mark.parametrize("offset_mm", [0.25, -0.25])
-def test_a_small_offset_does_not_buckle(offset_mm):
-    run = insert(replace(USUAL, lateral_mm=offset_mm))
-    assert not run.buckled
-    assert not run.stuck
+def test_an_offset_of_a_quarter_of_it_never_does(offset_mm):
+    runs = scattered_runs(off(offset_mm), RUNS // 2, seed=2)
+    assert rate(runs, "bent_at_last") == rate(runs, "stuck") == 0.0
 
 
 def test_a_permanent_bend_stays_when_the_array_is_pulled_back():
     """Item 8 and section 3: buckling outside the cochlea is permanent, and an elastic array has none."""
-    off = replace(USUAL, lateral_mm=1.2, last_mm=8.0)
-    bent = insert(off)
+    aside = replace(USUAL, lateral_mm=1.2, last_mm=8.0)
+    bent = insert(aside)
     unbreakable = replace(Array(), stylet_yield_per_mm=5.0, array_yield_per_mm=20.0)
-    elastic = insert(replace(off, array=unbreakable, planned=Array()))
+    elastic = insert(replace(aside, array=unbreakable, planned=Array()))
     assert bent.trace["set_per_mm"].max() > 0.02
     assert np.all(np.diff(bent.trace["set_per_mm"][bent.motion.depth_mm > 0.0][::100]) > -1e-3)
     assert elastic.trace["set_per_mm"].max() == 0.0
@@ -105,9 +114,9 @@ def test_a_smaller_cochlea_takes_more_force():
     assert force[0] > force[1]
 
 
-def test_insertions_over_the_whole_range_of_parameters_hardly_ever_fail():
+def test_insertions_over_the_whole_range_of_parameters_do_not_fail():
     """Item 5; `python -m bench robustness` makes a thousand."""
     random = np.random.default_rng(5)
     runs = [insert(random_case(random)) for _ in range(20)]
-    assert rate(runs, "failed") <= 0.1
+    assert rate(runs, "failed") == 0.0
     assert all(np.isfinite(run.force_n).all() for run in runs)
