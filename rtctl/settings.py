@@ -58,7 +58,11 @@ class BackendChoice:
 class Wrench:
     """Filter, gravity and bias of the force/torque sensor (D III.57, 05 section 1)."""
 
-    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="second-order Butterworth low-pass")
+    filter: str = option(
+        "butterworth", choices=("butterworth", "moving_average"), live=True, doc="low-pass of every component"
+    )
+    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="of the second-order Butterworth")
+    window_s: float = option(0.025, low=0.002, high=0.1, unit="s", live=True, doc="of the moving average")
     gravity_force_in_base_n: tuple[float, ...] = option(
         (0.0, 0.0, 0.0),
         shape=(3,),
