@@ -36,12 +36,10 @@ def is_other_filter(a, b):
 @kernel
 def is_usable(sensors):
     """True for a sample the filter may take: never NaN, which it would remember for ever."""
-    if sensors.wrench_validity != VALID:
-        return False
+    usable = sensors.wrench_validity == VALID
     for i in range(6):
-        if not math.isfinite(sensors.wrench_in_sensor[i]):
-            return False
-    return True
+        usable = usable and math.isfinite(sensors.wrench_in_sensor[i])
+    return usable
 
 
 @kernel
