@@ -1,6 +1,7 @@
 """Everything that shapes a run: one TOML file in, frozen dataclasses out.
 
-Read it with :func:`load`; override single keys with ``--set a.b=value`` (:func:`override`). Options marked
+Read it with :func:`load`; override single keys with ``--set a.b=value``, or those of a calibration with ``--set @FILE``
+(:func:`override`). Options marked
 live can be changed while the controller runs; :mod:`rtctl.parameters` turns them into the record the tick reads.
 """
 
@@ -302,16 +303,19 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Settings:
     Raises:
         OptionError: missing file, broken TOML, unknown key, wrong type or value out of bounds.
     """
-    file = find(path)
-    try:
-        table = tomllib.loads(file.read_text())
-    except OSError as error:
-        raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
+    table = _read(find(path))
     for assignment in overrides:
         override(table, assignment)
     return from_table(table)
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text())
+    except OSError as error:
+        raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
+    except ValueError as error:  # also of bytes that are no text, and of a name that is none
+        raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
 
 
 def from_table(table: Mapping[str, Any]) -> Settings:
@@ -334,10 +338,13 @@ def find(path: str | Path) -> Path:
 
 
 def override(table: dict[str, Any], assignment: str) -> None:
-    """Apply one ``a.b.c=value`` (TOML value; bare words are strings) to a parsed table."""
+    """Apply one ``a.b.c=value`` (TOML value; bare words are strings), or a TOML file as ``@FILE``, to a parsed table."""
+    if assignment.startswith("@"):
+        _put_on_top(table, _read(Path(assignment[1:])))
+        return
     key, sign, text = assignment.partition("=")
     if not sign or not key.strip():
-        raise OptionError("an override must read key=value", value=assignment, remedy="for instance loop.priority=70")
+        raise OptionError("an override must read key=value or @FILE", value=assignment, remedy="for instance loop.priority=70")  # fmt: skip
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -348,6 +355,16 @@ def override(table: dict[str, Any], assignment: str) -> None:
         if not isinstance(table, dict):
             raise OptionError(f"{key} is not inside a table", value=name, remedy="see `rtctl config show`")
     table[last] = value
+
+
+def _put_on_top(table: dict[str, Any], upper: Mapping[str, Any]) -> None:
+    """Every value of `upper` in its place in `table`; tables are merged, lists replaced."""
+    for name, value in upper.items():
+        below = table.get(name)
+        if isinstance(value, dict) and isinstance(below, dict):
+            _put_on_top(below, value)
+        else:
+            table[name] = value
 
 
 def public_table(settings: Settings) -> dict[str, Any]:

@@ -132,7 +132,9 @@ class TestPlanar:
             left.append(np.linalg.norm(fit.predict(new) - new @ gravity - bias, axis=1))
         assert np.percentile(left, 95) == pytest.approx(0.003, rel=0.25)
 
-    @pytest.mark.parametrize(("gravity", "rank"), [((0.0, -2.0, 0.0), 3), ((0.3, -1.9, -0.5), 3), ((0.0, 0.0, -2.0), 1)])
+    @pytest.mark.parametrize(
+        ("gravity", "rank"), [((0.0, -2.0, 0.0), 3), ((0.3, -1.9, -0.5), 3), ((0.0, 0.0, -2.0), 1)]
+    )
     @pytest.mark.parametrize("noise_n", [0.0, NOISE_N])
     def test_the_sphere_fit_refuses(self, gravity, rank, noise_n):
         turns = planar(self.phi)
