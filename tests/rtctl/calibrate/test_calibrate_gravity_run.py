@@ -102,16 +102,16 @@ class TestRefusals:
     def test_whatever_is_not_ready_is_told_with_what_to_do(self, make_rig):
         rig = make_rig()
         rig.run(5)
-        with pytest.raises(CalibrationError, match="not enabled.*DISABLED.*rtctl enable"):
+        with pytest.raises(CalibrationError, match=r"not enabled.*DISABLED.*rtctl enable"):
             check_ready(rig.last)
         rig.enable()
-        with pytest.raises(CalibrationError, match="not homed.*rtctl home"):
+        with pytest.raises(CalibrationError, match=r"not homed.*rtctl home"):
             check_ready(rig.last)
         rig.home()
         rig.run(100)
         check_ready(rig.last)
         rig.do(Verb.LOAD_ARRAY)
-        with pytest.raises(CalibrationError, match="array is loaded.*rtctl unload-array"):
+        with pytest.raises(CalibrationError, match=r"array is loaded.*rtctl unload-array"):
             check_ready(rig.last)
         rig.do(Verb.UNLOAD_ARRAY)
         rig.do(Verb.MOVE_CP, 160.0, -2.0, 0.0)
@@ -136,7 +136,7 @@ class TestRefusals:
     def test_a_place_where_the_robot_cannot_turn(self):
         settings = load("planar-sim")
         robot = robots.load(settings.robot.kind, settings.robot.geometry)
-        with pytest.raises(CalibrationError, match="cannot turn enough.*150.0.*0.3 rad.*rtctl move"):
+        with pytest.raises(CalibrationError, match=r"cannot turn enough.*150.0.*0.3 rad.*rtctl move"):
             poses_about(robot, np.array([150.0, -4.0, 0.0]))
 
     def test_too_much_force_left(self):
