@@ -19,6 +19,9 @@ ROWS_MIN = 8
 ROWS_PER_DIRECTION_MIN = 3
 IDENTIFIABLE = 1e-6
 UNKNOWNS = 4
+ROUNDING_RAD = 1e-9
+RESIDUAL_BOUND_RAD = 0.6
+"""Of every leg, rms: what the dissertation's planes left (D III.8)."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,20 @@ class LegFit:
         (III.61) subtracts chi, so a piston that lags its motor has chi_1 < chi_0; this is `control.backlash_rad`.
         """
         return self.chi_rad[0] - self.chi_rad[1]
+
+    @property
+    def home_stroke_mm(self) -> float:
+        """Stroke of the piston where the motor angle is zero, having come there retracting: what homing leaves."""
+        return self.eta_mm_per_rad * self.chi_rad[0]
+
+
+def require(legs: list[LegFit], bound_rad: float = RESIDUAL_BOUND_RAD) -> None:
+    """Raise CalibrationError for a leg with too large a residual, or one whose motor lags its piston."""
+    for i, leg in enumerate(legs, 1):
+        if not leg.residual_rad <= bound_rad:
+            raise CalibrationError(f"leg {i} does not fit a plane for each direction", value=f"{leg.residual_rad:.2f} rad rms", bound=f"{bound_rad:g} rad", remedy="see that every pose was approached by more than the backlash, and that the tracker saw all of them; or allow it with --bound")  # fmt: skip
+        if leg.backlash_rad < -3.0 * leg.backlash_sd_rad - ROUNDING_RAD:
+            raise CalibrationError(f"the motor of leg {i} seems to lag its piston", value=f"{leg.backlash_rad:.2f} rad", bound="a backlash of 0 or more", remedy="see that `extending` is 1 where the leg came to rest extending, and not the other way round")  # fmt: skip
 
 
 def fit_legs(robot: Robot, pose: ArrayLike, motor_rad: ArrayLike, extending: ArrayLike) -> list[LegFit]:
@@ -84,7 +101,7 @@ def fit_leg(
     if rarer < ROWS_PER_DIRECTION_MIN:
         raise CalibrationError(f"{name} came too rarely from one side", value=rarer, bound=f"at least {ROWS_PER_DIRECTION_MIN} poses each", remedy="approach poses extending and retracting")  # fmt: skip
     matrix = np.column_stack((q, -psi, -1.0 * ~side, -1.0 * side))
-    strength = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0), compute_uv=False)
+    strength = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0).clip(1e-12), compute_uv=False)
     if not strength[-1] > IDENTIFIABLE:
         raise CalibrationError(f"the poses do not determine the drive of {name}", value=f"{strength[-1]:.1g}", bound=f"a smallest singular value above {IDENTIFIABLE:g}", remedy="choose poses that differ in all coordinates")  # fmt: skip
     (a, b, chi_0, chi_1), *_ = np.linalg.lstsq(matrix, theta, rcond=None)

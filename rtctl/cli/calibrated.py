@@ -22,6 +22,13 @@ SIM = Annotated[
 ]
 
 
+def hash_of(file: Path) -> str:
+    """Sixteen hex digits of a file's content, so that a result can be told to be that of a measurement."""
+    import hashlib
+
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
 def keep(
     what: str, settings: "Settings", to: Path | None, provenance: Mapping[str, Any], tables: Mapping[str, Any]
 ) -> None:
