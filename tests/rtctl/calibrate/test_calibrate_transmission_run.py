@@ -108,7 +108,7 @@ class TestFile:
         [
             ("", "empty.*columns are x_mm"),
             ("# only a comment\n", "empty"),
-            ("x_mm,y_mm\n", r"columns are not those of planar_3rpr.*phi_rad"),
+            ("x_mm,y_mm\n", "wrong columns.*phi_rad"),
             (HEADER.replace("phi_rad", "phi_deg"), "phi_deg"),
             (HEADER.replace("phi_rad", "y_mm"), "y_mm|phi_rad"),
             (HEADER + "1,2,3\n", "line 2 has another number of columns.*3.*9"),

@@ -148,3 +148,19 @@ def test_bad_poses_are_told(monkeypatch, tmp_path, capsys):
     assert main(["calibrate", "backlash", "poses.csv"]) == Exit.BAD_INPUT
     assert "columns" in capsys.readouterr().err
     assert main(["calibrate", "backlash", "nowhere.csv"]) == Exit.BAD_INPUT
+
+
+def test_stiffness_of_a_rope(tmp_path, capsys):
+    file = tmp_path / "rope.csv"
+    elongation = np.linspace(0.0, 2.0, 201)
+    file.write_text("elongation_mm,tension_n\n" + "".join(f"{y:.4f},{25.6 * y:.5f}\n" for y in elongation))
+    assert main(["calibrate", "stiffness", str(file), "--length", "125", "--points", "3"]) == Exit.OK
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    assert rows == [
+        ["0.000", "0.0", "25.60", "3200"],
+        ["1.000", "25.6", "25.60", "3200"],
+        ["2.000", "51.2", "25.60", "3200"],
+    ]
+    file.write_text("elongation_mm,tension_n\n1,2\n")
+    assert main(["calibrate", "stiffness", str(file), "--length", "125"]) == Exit.FAILED
+    assert "too few samples" in capsys.readouterr().err
