@@ -11,6 +11,17 @@ from sim_backends.plant.options import Anatomy, Array, Phantom
 
 RUNS = 12
 USUAL = Case()
+OVER_THE_LIP = Case(
+    array=Array(segments=33, bending_tip_nmm2=0.17, bending_base_nmm2=1.7, stylet_bending_nmm2=5.8),
+    planned=Array(),
+    anatomy=Anatomy(hole_radius_mm=0.592, spiral_a_mm=3.62),
+    tissue=Phantom(friction=0.155, friction_static=0.17, floor_load_n_per_mm=0.0046),
+    lateral_mm=-0.298,
+    angle_rad=-0.0642,
+    early_mm=-0.84,
+    speed_mm_per_s=0.5,
+)
+"""Its tip slides over a lip and past the rim of the hole."""
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +128,11 @@ def test_a_smaller_cochlea_takes_more_force():
 def test_insertions_over_the_whole_range_of_parameters_do_not_fail():
     """Item 5; `python -m bench robustness` makes a thousand."""
     random = np.random.default_rng(5)
-    runs = [insert(random_case(random)) for _ in range(20)]
+    cases = [random_case(random) for _ in range(20)] + [OVER_THE_LIP]
+    runs = [insert(case) for case in cases]
     assert rate(runs, "failed") == 0.0
+    for run in runs:
+        rod, scala = run.rod[0], run.scala[0]
+        if (rod["node_mm"][rod["segments"]] - scala["entry_mm"]) @ scala["axis"] > 1.0:
+            assert rod["inside_from"] <= rod["segments"]  # what is behind the bone's face is in the scala
     assert all(np.isfinite(run.force_n).all() for run in runs)
