@@ -31,6 +31,8 @@ RECESS = 2
 """Posts from this one on are not lips: they have the array between them from the start."""
 RIM_MM = 0.3
 """The face takes over from a lip over this length, so that no node drops off an edge."""
+OVER_MM = 0.1
+"""A tip that comes in over a lip, into which it is pressed, may still lie so far beside the hole."""
 FREE_MM = 1.0
 """So near to the gripper the recess would meet the gripper first; from twice as far on it bears in full."""
 NEAR_MM = 0.2
@@ -509,7 +511,7 @@ def enter(rod, scala, period_s):
     rod.floor_friction = coefficient(scala, pace / period_s)
     n = rod.segments
     ex, ey, ax, ay = scala.entry_mm[0], scala.entry_mm[1], scala.axis[0], scala.axis[1]
-    reach = scala.hole_radius_mm + scala.lip_radius_mm
+    reach = scala.hole_radius_mm + scala.lip_radius_mm + OVER_MM
     while rod.inside_from <= n:
         i = rod.inside_from
         if (rod.node_mm[i, 0] - ex) * ax + (rod.node_mm[i, 1] - ey) * ay >= 0.0:
