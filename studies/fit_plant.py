@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from rtctl.report.force_reference import resistance
+from rtctl.guidance.force_model import resistance
 from sim_backends.plant.options import Array, Bone, Phantom
 from studies.free_shapes import modal_model
 from studies.insertions import (
