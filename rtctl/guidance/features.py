@@ -4,6 +4,7 @@ Profiles are forces (n, channels, 97) of n insertions: f_z [N], f_xx, f_yy [N mm
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -51,5 +52,5 @@ def regional(profiles: np.ndarray) -> np.ndarray:
     at = np.searchsorted(fine, REGIONS)
     rise = np.diff(values[:, at], axis=1)
     stiffness = rise / (STIFFNESS_SCALE_N_PER_MM * FULL_DEPTH_MM * np.diff(REGIONS))
-    work = np.array([np.trapezoid(values[:, a : b + 1], fine[a : b + 1], axis=1) for a, b in zip(at, at[1:], strict=False)])  # fmt: skip
+    work = np.array([np.trapezoid(values[:, a : b + 1], fine[a : b + 1], axis=1) for a, b in pairwise(at)])  # fmt: skip
     return np.hstack([stiffness, (work / work.sum(axis=0)).T])

@@ -26,36 +26,39 @@ def rate_deviation(model: ForceModel, x: np.ndarray) -> np.ndarray:
 
 
 def fuse(model: ForceModel, x: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Expected forces after the known samples and their standard deviations, both (channels, m - k).
+    """Expected forces after the known samples (..., channels, m - k) and their standard deviation (channels, m - k).
 
     The mean of normal insertions and the extrapolation from the last known force, each as far as it can be trusted.
 
     Args:
         x: lambda (m,) of all samples, increasing.
-        known: forces (channels, k) of the first k samples, 1 <= k < m.
+        known: forces (..., channels, k) of the first k samples of any number of insertions, 1 <= k < m.
     """
-    k = known.shape[1]
+    k = known.shape[-1]
     ahead = x[k:] - x[k - 1]
     slope = model.mean @ basis_derivative(x[k - 1 : k]).T
     mean, deviation = model.mean @ basis(x[k:]).T, _floored(model, x[k:])
-    extrapolated, doubt = known[:, -1:] + slope * ahead, rate_deviation(model, x[k - 1 : k]) * ahead
+    extrapolated, doubt = known[..., -1:] + slope * ahead, rate_deviation(model, x[k - 1 : k]) * ahead
     variance = deviation**2 + doubt**2
     return (mean * doubt**2 + extrapolated * deviation**2) / variance, deviation * doubt / np.sqrt(variance)
 
 
 def predict(model: ForceModel, x: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Bernstein coefficients (channels, 11) of the forces of an insertion of which the first samples are known.
+    """Bernstein coefficients (..., channels, 11) of the forces of insertions of which the first samples are known.
 
     Arguments as of :func:`fuse`; k = m is the plain fit.
     """
-    k = known.shape[1]
-    forces, deviation = known, np.broadcast_to(model.floor[:, None], known.shape)
-    if k < len(x):
+    forces, deviation = known, np.broadcast_to(model.floor[:, None], known.shape[-2:])
+    if known.shape[-1] < len(x):
         expected, uncertain = fuse(model, x, known)
-        forces, deviation = np.hstack([known, expected]), np.hstack([deviation, uncertain])
-    rows = basis(x)
-    fits = zip(forces, deviation, strict=True)
-    return np.array([np.linalg.lstsq(rows / d[:, None], f / d, rcond=None)[0] for f, d in fits])
+        forces = np.concatenate([known, expected], axis=-1)
+        deviation = np.hstack([deviation, uncertain])
+    coefficients = np.empty((*known.shape[:-1], TERMS))
+    for c, d in enumerate(deviation):
+        weighted = (forces[..., c, :] / d).reshape(-1, len(x)).T
+        fitted = np.linalg.lstsq(basis(x) / d[:, None], weighted, rcond=None)[0].T
+        coefficients[..., c, :] = fitted.reshape(*known.shape[:-2], TERMS)
+    return coefficients
 
 
 def tables_dtype(samples: int, channels: int) -> np.dtype:

@@ -66,7 +66,7 @@ def test_a_point_ten_times_less_certain_counts_less():
     assert moved["as printed"][0] > 0.05
 
 
-def follow(x, tables, forces):
+def follow(tables, forces):
     """The fitted curves (m, channels, m) after each sample, as the tick computes them."""
     channels, samples = forces.shape
     sums: np.ndarray = np.zeros(1, prediction.sums_dtype(channels))
@@ -92,7 +92,7 @@ def tables():
 )
 def test_the_tick_s_way_is_the_definition_whatever_is_measured(tables, shape, scale):
     x, forces = np.linspace(0.0, 1.0, 97), scale * shape
-    curves = follow(x, tables, forces)
+    curves = follow(tables, forces)
     rows = basis(x)
     for k in range(1, 98):
         wanted = predict(REFERENCE, x, forces[:, :k]) @ rows.T
@@ -100,5 +100,5 @@ def test_the_tick_s_way_is_the_definition_whatever_is_measured(tables, shape, sc
 
 
 def test_the_tick_s_way_gives_the_printed_insertion_too():
-    curves = follow(X, tabulate(F_Z, X), insertion())
+    curves = follow(tabulate(F_Z, X), insertion())
     assert curves[40] == pytest.approx(whole(41), abs=1e-9)
