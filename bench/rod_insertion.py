@@ -142,12 +142,7 @@ class Insertion:
 
     @property
     def buckled(self) -> bool:
-        """Whether a permanent bend outside the entry was left over the part that counts."""
-        return bool(self.trace["buckled"][self._counted].any())
-
-    @property
-    def bent_at_last(self) -> bool:
-        """The same to the end."""
+        """Whether a permanent bend outside the entry was left."""
         return bool(self.trace["buckled"][-1])
 
     def at(self, depth_mm: np.ndarray, window_mm: float = 0.5) -> np.ndarray:

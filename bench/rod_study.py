@@ -116,8 +116,7 @@ def measure_phenomena(runs: int = RUNS, seed: int = SEED, case: Case | None = No
     figures = [
         _share(part, "tip folds, stylet 0.5 mm early", early, "folded", Target(0.75, at_least=True)),
         _share(part, "tip folds, on time", on_time, "folded", Target(0.02)),
-        _share(part, "buckles, on time, over 95 %", on_time, "buckled", None),
-        _share(part, "bent at last, on time", on_time, "bent_at_last", None),
+        _share(part, "buckles, on time", on_time, "buckled", Target(0.0)),
     ]
     aside = case.tissue.lateral_sd_mm  # the offset is the point here, so the other errors alone scatter
     for offset, target in ((0.25, Target(0.0)), (1.0, Target(1.0, at_least=True)), (1.2, Target(1.0, at_least=True))):
