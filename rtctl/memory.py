@@ -2,8 +2,8 @@
 
 The tick gets it as ``memory``; its parts are plain nested records: the robot's geometry, the parameter set
 in force, the state, the motion profile being followed, the profile proposed for the command of this tick,
-the insertion plan, the command itself, and the failure detector with what it knows of the insertion. Whoever holds the same memory and feeds the same inputs gets the same
-outputs to the bit.
+the insertion plan, the command itself, and the failure detector with what it knows of the insertion. Whoever holds
+the same memory and feeds the same inputs gets the same outputs to the bit.
 """
 
 import numpy as np

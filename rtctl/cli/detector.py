@@ -72,7 +72,7 @@ def evaluate(
 
     judged = detector_file.load(detector)
     found = _dataset(data, seed, TEST_SET)
-    results = [evaluation.evaluate(judged, found, margin, two_sided) for margin in MARGINS]
+    results = evaluation.evaluate(judged, found, MARGINS, two_sided)
     counts = found.counts()
     methods: dict[int, dict[str, Any]] = {}
     if splits and counts["normal"] > 1 and counts["fold"] > 1:

@@ -17,6 +17,7 @@ from rtctl.guidance import synthetic
 from rtctl.guidance.features import GRID
 from rtctl.guidance.force_model import FULL_DEPTH_MM
 from rtctl.guidance.svm import TrainingError
+from rtctl.guidance.watch import OUTSIDE_MM
 from rtctl.lifecycle import Task
 from rtctl.recording import Recording, logs_in, open_recording
 from rtctl.wrench import into_sensor
@@ -100,10 +101,10 @@ def profile(recording: Recording) -> tuple[np.ndarray, int] | str:
     rows = recording.records
     inserting, depth = rows["task_state"][:-1] == Task.INSERTING, rows["depth_mm"][:-1]
     felt = np.isfinite(rows["force_axial_n"][1:]) & np.isfinite(rows["wrench_in_base"][1:]).all(axis=1)
-    usable = np.flatnonzero(inserting & (depth > 0.0) & felt)
+    usable = np.flatnonzero(inserting & (depth > OUTSIDE_MM) & felt)
     if not len(usable):
         return "nothing was inserted with a known force"
-    attempt = np.cumsum(depth <= 0.0)[usable]  # after a whole retraction everything begins anew
+    attempt = np.cumsum(depth <= OUTSIDE_MM)[usable]  # after a whole retraction everything begins anew
     usable = usable[attempt == attempt[depth[usable].argmax()]]
     way = np.maximum.accumulate(depth[usable])
     wanted = GRID * FULL_DEPTH_MM

@@ -1,5 +1,6 @@
 """How good a detector is on insertions it has not been trained with, and how good its method is at all."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -62,10 +63,16 @@ class Evaluation:
         return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in table.items()}
 
 
-def evaluate(detector: Detector, data: Dataset, margin: float, two_sided: bool = False) -> Evaluation:
-    """Run the detector over every insertion of a data set, sample by sample, as the tick would."""
-    known = detector.folding.detected(detector.forces, data.profiles, margin)
-    folded, buckled = known > 0, buckling.detected(detector.buckling, data.profiles, two_sided) >= 0
+def evaluate(detector: Detector, data: Dataset, margins: Sequence[float], two_sided: bool = False) -> list[Evaluation]:
+    """Run the detector over every insertion of a data set, sample by sample, as the tick would: once for each margin."""
+    early = detector.folding.decide_early(detector.forces, data.profiles)
+    buckled = buckling.detected(detector.buckling, data.profiles, two_sided) >= 0
+    return [_judge(data, margin, detector.folding.detected(early, margin), buckled) for margin in margins]
+
+
+def _judge(data: Dataset, margin: float, known: np.ndarray, buckled: np.ndarray) -> Evaluation:
+    """Figures from the number of known samples at which each insertion (n,) was flagged, and whether it buckled."""
+    folded = known > 0
     is_class = {name: data.classes == name for name in CLASSES}
     confusion = {
         name: {

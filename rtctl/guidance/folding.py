@@ -53,9 +53,12 @@ class FoldModel:
         """h (n, len(KNOWN)) for each number of known samples."""
         return np.stack([self.decide(completed(force_model, profiles, k)) for k in KNOWN.tolist()], axis=1)
 
-    def detected(self, force_model: ForceModel, profiles: np.ndarray, margin: float) -> np.ndarray:
-        """Number of known samples at which h + rho delta h <= 0 for the first time, -1 if never: (n,) (VI.27)."""
-        folded = self.decide_early(force_model, profiles) + margin * self.bound <= 0.0
+    def detected(self, early: np.ndarray, margin: float) -> np.ndarray:
+        """Number of known samples at which h + rho delta h <= 0 for the first time, -1 if never: (n,) (VI.27).
+
+        early: h of :meth:`decide_early`.
+        """
+        folded = early + margin * self.bound <= 0.0
         return np.where(folded.any(axis=1), KNOWN[folded.argmax(axis=1)], -1)
 
 

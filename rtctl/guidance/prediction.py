@@ -56,7 +56,7 @@ def predict(model: ForceModel, x: np.ndarray, known: np.ndarray) -> np.ndarray:
     coefficients = np.empty((*known.shape[:-1], TERMS))
     for c, d in enumerate(deviation):
         weighted = (forces[..., c, :] / d).reshape(-1, len(x)).T
-        fitted = np.linalg.lstsq(basis(x) / d[:, None], weighted, rcond=None)[0].T
+        fitted = (np.linalg.pinv(basis(x) / d[:, None]) @ weighted).T
         coefficients[..., c, :] = fitted.reshape(*known.shape[:-2], TERMS)
     return coefficients
 

@@ -27,6 +27,8 @@ from rtctl.guidance.prediction import evaluate, forecast, know, start
 from rtctl.lifecycle import Condition, Task
 from rtctl.wrench import into_sensor
 
+OUTSIDE_MM = 1e-9
+"""An insertion begins beyond it, and a retraction that ends before it is complete."""
 FIRST_KNOWN, KNOWN_EVERY = int(KNOWN[0]), int(KNOWN[1] - KNOWN[0])
 
 
@@ -54,7 +56,7 @@ def _observe(memory, record):
     """Take the next sample when its depth has been reached; forget everything when the array is out."""
     insertion, state, detector = memory.insertion, memory.state, memory.detector
     depth = state.setpoint[state.setpoint.shape[0] - 1]
-    if not state.on_path or depth <= 0.0:
+    if not state.on_path or depth <= OUTSIDE_MM:
         forget(insertion)
     insertion.flags &= ~WATCHING
     at = insertion.samples
@@ -65,6 +67,7 @@ def _observe(memory, record):
         return
     if at + 1 < SAMPLES and depth >= detector.depth_mm[at + 1]:  # nobody knows what was felt on the way
         insertion.flags = (insertion.flags | BLIND) & ~WATCHING
+        know_nothing(insertion)
         raise_condition(state, record, Condition.DETECTOR_BLIND, depth, detector.depth_mm[at])
         return
     moment = state.scratch[0]
@@ -79,13 +82,21 @@ def forget(insertion):
     """Nothing is known of the insertion to come."""
     insertion.samples = 0
     insertion.flags = 0
+    know_nothing(insertion)
+    for i in range(2):
+        insertion.integral[i] = 0.0
+    start(insertion.fit)
+
+
+@kernel
+def know_nothing(insertion):
+    """What is not known any more is NaN; what has been found stays found."""
     insertion.decision = math.nan
     insertion.decision_bound = math.nan
     insertion.predicted_force_n = math.nan
     for i in range(2):
-        insertion.integral[i] = 0.0
+        insertion.integral[i] = math.nan
         insertion.integral_bound[i] = math.nan
-    start(insertion.fit)
 
 
 @kernel
@@ -136,8 +147,10 @@ def decide(detector, insertion, margin, two_sided):
 
 @kernel
 def _react(memory, record, new):
-    """Conditions for the failures found, `new` ones among them, by the reactions in force."""
+    """Conditions for the failures found, `new` ones among them, by the reactions in force; never on the way out."""
     state, insertion, parameters = memory.state, memory.insertion, memory.parameters
+    if state.task == Task.RETRACTING:
+        return
     if insertion.flags & BUCKLED:
         value, bound = insertion.integral[0], insertion.integral_bound[0]
         if parameters.buckling_reaction == WARN:
