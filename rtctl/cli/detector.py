@@ -127,6 +127,6 @@ def _print(results: "list[Evaluation]", methods: dict[int, dict[str, Any]], spli
     output().print(confusion)
     if methods:
         accuracy = Table("method", "features", "accuracy (SD)", title=f"Methods on whole insertions, {splits} random 90/10 splits of this data", title_justify="left")  # fmt: skip
-        for number, row in methods.items():
-            accuracy.add_row(str(number), row["features"], f"{row['accuracy']:.3f} ({row['sd']:.3f})")
+        for number, facts in methods.items():
+            accuracy.add_row(str(number), facts["features"], f"{facts['accuracy']:.3f} ({facts['sd']:.3f})")
         output().print(accuracy)
