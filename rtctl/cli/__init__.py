@@ -13,6 +13,7 @@ from rtctl.cli import (
     client,
     configuration,
     daemon,
+    detector,
     logs,
     motion,
     parameters,
@@ -34,7 +35,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",
 )
-for family in (daemon, simulation, watching, client, motion, parameters, logs, configuration, calibrate, study):
+for family in (
+    daemon, simulation, watching, client, motion, parameters, logs, configuration, calibrate, detector, study,
+):  # fmt: skip
     family.add_to(app)
 
 
