@@ -103,7 +103,9 @@ def repeatability(true: np.ndarray, either_side: bool = True) -> np.ndarray:
 
 def joint_noise(robot: Robot, error_rad: float, draws: int = 20000, seed: int = 0) -> np.ndarray:
     """Rms (3,) [mm, mm, rad] of the pose over W if every motor angle is off by so much rms, independently (05 section 5)."""
-    grid = np.stack(np.meshgrid(*(np.linspace(BOX[0, k], BOX[1, k], n) for k, n in enumerate((7, 5, 9)))), axis=-1).reshape(-1, 3)
+    grid = np.stack(
+        np.meshgrid(*(np.linspace(BOX[0, k], BOX[1, k], n) for k, n in enumerate((7, 5, 9)))), axis=-1
+    ).reshape(-1, 3)
     rng = np.random.default_rng(seed)
     off = np.empty((draws, 3))
     for k in range(draws):
