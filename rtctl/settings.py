@@ -330,19 +330,37 @@ class Settings:
 def load(path: str | Path, overrides: Iterable[str] = ()) -> Settings:
     """Read, override and check a settings file; a bare name finds the files that ship with rtctl.
 
+    Each of `overrides` is key=value, or @FILE for all the keys of another TOML file, such as a calibration.
+
     Raises:
         OptionError: missing file, broken TOML, unknown key, wrong type or value out of bounds.
     """
-    file = find(path)
+    table = _parsed(find(path))
+    for assignment in overrides:
+        if assignment.startswith("@"):
+            _merge(table, _parsed(Path(assignment[1:])))
+        else:
+            override(table, assignment)
+    return from_table(table)
+
+
+def _parsed(file: Path) -> dict[str, Any]:
     try:
-        table = tomllib.loads(file.read_text())
+        return tomllib.loads(file.read_text())
     except OSError as error:
         raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
-    for assignment in overrides:
-        override(table, assignment)
-    return from_table(table)
+
+
+def _merge(table: dict[str, Any], other: Mapping[str, Any]) -> None:
+    """Put the keys of `other` into `table`, table by table."""
+    for key, value in other.items():
+        inner = table.get(key)
+        if isinstance(inner, dict) and isinstance(value, Mapping):
+            _merge(inner, value)
+        else:
+            table[key] = value
 
 
 def from_table(table: Mapping[str, Any]) -> Settings:

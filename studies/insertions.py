@@ -1,7 +1,7 @@
 """Many simulated insertions and their force curves over depth, for studies: fixed seeds, all cores, progress."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -85,15 +85,15 @@ class Laboratory:
 
     def __init__(self, jobs: int | None = None) -> None:
         self._pool = ProcessPoolExecutor(jobs or os.cpu_count() or 1, get_context("spawn"))
-        self._plans: dict[bytes, Plan] = {}
+        self._plans: dict[Hashable, Plan] = {}
 
     def insert(self, overrides: Iterable[str], seeds: Iterable[int]) -> Insertions:
         """One insertion for every seed."""
         settings = load("planar-sim", overrides)
-        matrix = np.array(settings.electrode.modal_matrix).tobytes()
-        if matrix not in self._plans:
-            self._plans[matrix] = plan_of(settings)
-        rows = list(self._pool.map(partial(curves, settings, self._plans[matrix]), seeds))
+        models = settings.electrode, settings.cochlea
+        if models not in self._plans:
+            self._plans[models] = plan_of(settings)
+        rows = list(self._pool.map(partial(curves, settings, self._plans[models]), seeds))
         axial, lateral, folded, buckled, correction, failed = zip(*rows, strict=True)
         return Insertions(
             np.array(axial), np.array(lateral), np.array(folded), np.array(buckled), np.array(correction), list(failed)
