@@ -235,3 +235,24 @@ def test_defaults_lie_inside_their_bounds():
 def test_the_comments_of_what_ships_name_real_keys_only():
     for file in SHIPPED:
         from_table(tomllib.loads(file.read_text()))
+
+
+def test_a_fragment_overrides_its_keys_and_nothing_else(tmp_path):
+    fragment = tmp_path / "mine.toml"
+    fragment.write_text("[stylet]\nspeed_mm_per_s = 5.0\n[backend.options.array]\ngrip_angle_rad = 0.03\n")
+    changed = load("planar-sim", [f"@{fragment}", "loop.priority=70"])
+    expected = ["stylet.speed_mm_per_s=5.0", "backend.options.array.grip_angle_rad=0.03", "loop.priority=70"]
+    assert changed == load("planar-sim", expected)
+    assert load("planar-sim", [f"@{fragment}", "stylet.speed_mm_per_s=4.5"]).stylet.speed_mm_per_s == 4.5  # in order
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("[stylet]\nspeed = 5.0\n", "stylet.speed"), ("[stylet\n", "not valid TOML"), (None, "cannot be read"), ("stylet = 3", "stylet must be a table")],
+)  # fmt: skip
+def test_a_useless_fragment_is_refused(tmp_path, text, message):
+    fragment = tmp_path / "mine.toml"
+    if text is not None:
+        fragment.write_text(text)
+    with pytest.raises(OptionError, match=message):
+        load("planar-sim", [f"@{fragment}"])
