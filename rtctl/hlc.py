@@ -62,7 +62,7 @@ def _leave_path(memory):
         for i in range(state.pose.shape[0]):
             state.setpoint[i] = state.reference[i]
     for i in range(3):
-        state.lateral_offset_mm[i] = 0.0
+        state.lateral_offset_mm[i] = state.way_offset_mm[0, i] = 0.0
     state.on_path = 0
     state.setpoint[state.pose.shape[0]] = 0.0
 

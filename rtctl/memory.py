@@ -10,6 +10,7 @@ import numpy as np
 
 from rtctl.commands import COMMAND
 from rtctl.electrode.path import PATH
+from rtctl.way_back import ROWS as WAY_ROWS
 
 SEGMENTS = 12
 """Pieces of one channel of a profile: a brake of two, seven of a move, and the final one, rounded up."""
@@ -148,6 +149,8 @@ def state_dtype(dof: int) -> np.dtype:
             ("unbias_left", "i8"),
             # admittance
             ("lateral_offset_mm", "f8", (3,)),
+            ("way_offset_mm", "f8", (WAY_ROWS, 3)),
+            ("way_depth_mm", "f8"),
             ("stylet_extra_mm", "f8"),
             ("stylet_reference_mm", "f8"),
             # trajectory and low-level control

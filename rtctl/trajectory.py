@@ -7,7 +7,7 @@ is not followed: the last good reference stays.
 import math
 
 from hal.kernel import kernel
-from rtctl import admittance
+from rtctl import admittance, way_back
 from rtctl.conditions import raise_condition
 from rtctl.lifecycle import Condition, Operating, Task
 from rtctl.robots.interface import REACHABLE, reach, translate
@@ -18,8 +18,9 @@ OVERSPEED = 1.5
 
 @kernel
 def correct(memory, record):
-    """Run the admittance laws while an array is being inserted or held; elsewhere the correction rests."""
+    """Run the admittance laws while an array is being inserted or held; on the way back undo what they did on the way in."""
     parameters, state = memory.parameters, memory.state
+    depth = state.setpoint[state.setpoint.shape[0] - 1]
     force = record.wrench_in_base
     active = state.operating == Operating.ENABLED and (state.task == Task.INSERTING or state.task == Task.HOLDING)
     known = state.unbiased and math.isfinite(force[0])
@@ -29,9 +30,13 @@ def correct(memory, record):
             limit = parameters.lateral_limit_mm
             raise_condition(state, record, Condition.ADMITTANCE_SATURATED, reached, limit)
     if active and known and parameters.stylet_on and state.task == Task.INSERTING:
-        depth = state.setpoint[state.setpoint.shape[0] - 1]
         rate = admittance.stylet_rate(parameters, record.force_axial_n, depth)
         state.stylet_extra_mm += rate * parameters.period_s
+    if active:
+        way_back.remember(state.way_offset_mm, depth, state.lateral_offset_mm)
+    elif state.task == Task.RETRACTING:
+        way_back.undo(state.way_offset_mm, state.way_depth_mm, depth, state.lateral_offset_mm)
+    state.way_depth_mm = depth
 
 
 @kernel

@@ -17,7 +17,8 @@ from rtctl.report.force_reference import FULL_DEPTH_MM, resistance
 from rtctl.report.style import BAND, BLUE, GREEN, GREY, ORANGE, RED, VIOLET, legend_above, picture
 from rtctl.settings import load
 from rtctl.simulation import simulate
-from studies.insertions import AS_THE_SOURCES, LAMBDA, NO_CONTROL, WELL_REGISTERED, Laboratory
+from rtctl.study.insertions import AS_THE_SOURCES, LAMBDA, NO_CONTROL, WELL_REGISTERED
+from studies.laboratory import Laboratory
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "pictures"
 BASE = (*WELL_REGISTERED, *AS_THE_SOURCES, *NO_CONTROL)

@@ -7,13 +7,14 @@ begun today. The table is the only state there is, so a campaign goes on whereve
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from hal.backend import drawn_values
 from hal.kernel import kernel_hash
-from rtctl.campaign.row import columns, is_failure
+from rtctl.campaign.row import columns, is_failure, row_of
 from rtctl.campaign.table import Table
-from rtctl.campaign.workers import rows_of
+from rtctl.campaign.workers import results_of
 from rtctl.lockstep import Lockstep
 from rtctl.planner import plan_of
 from rtctl.settings import Settings, config_hash
@@ -51,7 +52,8 @@ def run(
         missing = [seed for seed in seeds if seed not in table.known]
         done = len(seeds) - len(missing)
         report(Standing(done, len(seeds), failed))
-        with closing(rows_of(settings, missing, plan_of(settings) if missing else None, jobs)) as rows:
+        simulated = partial(row_of, settings, plan=plan_of(settings) if missing else None)
+        with closing(results_of(simulated, missing, jobs)) as rows:
             for row in rows:
                 table.append(row)
                 done, failed = done + 1, failed + is_failure(row)

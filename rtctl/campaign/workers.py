@@ -1,49 +1,50 @@
-"""The processes of a campaign: each runs one insertion after the other; rows come in the order of the seeds."""
+"""Work on all cores: processes that take one item after the other; results come in the order of the items."""
 
 import os
 import signal
 import threading
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
+from typing import Any, TypeVar
 
-from rtctl.campaign.row import Row, row_of
 from rtctl.campaign.table import CampaignError
-from rtctl.electrode.planning import Plan
-from rtctl.settings import Settings
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Libraries read these when they are loaded; processes side by side are enough, their threads would only wait."""
 
-_shared: tuple[Settings, Plan | None] | None = None
-"""What every run of a worker needs."""
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_function: Callable[[Any], Any] | None = None
+"""What a worker does with each item."""
 
 
-def rows_of(settings: Settings, seeds: Iterable[int], plan: Plan | None, jobs: int) -> Generator[Row, None, None]:
-    """The rows of `seeds`, in order, with `jobs` processes; close it to end the processes.
+def results_of(function: Callable[[Item], Result], items: Iterable[Item], jobs: int) -> Generator[Result, None, None]:
+    """function(item) of every item, in order, with `jobs` processes; close it to end the processes.
 
     The first is computed here in any case: it compiles what is missing, so that the workers only load.
 
     Raises:
         CampaignError: a worker was killed.
     """
-    todo = list(seeds)
+    todo = list(items)
     here = todo if jobs == 1 else todo[:1]
-    for seed in here:
-        yield row_of(settings, seed, plan)
+    for item in here:
+        yield function(item)
     if len(here) < len(todo):
-        yield from _side_by_side(settings, todo[len(here) :], plan, jobs)
+        yield from _side_by_side(function, todo[len(here) :], jobs)
 
 
-def _side_by_side(settings: Settings, seeds: list[int], plan: Plan | None, jobs: int) -> Generator[Row, None, None]:
+def _side_by_side(function: Callable[[Item], Result], items: list[Item], jobs: int) -> Generator[Result, None, None]:
     others = set(active_children())
-    pool = ProcessPoolExecutor(min(jobs, len(seeds)), get_context("spawn"), _begin, (settings, plan))
+    pool = ProcessPoolExecutor(min(jobs, len(items)), get_context("spawn"), _begin, (function,))
     with _one_thread_each(), pool:
         try:
             # not pool.map: it cancels what is left, and a pool whose processes are ended then trips over that
-            for future in [pool.submit(_run, seed) for seed in seeds]:
+            for future in [pool.submit(_run, item) for item in items]:
                 yield future.result()
         except BrokenProcessPool:
             raise CampaignError("a process of the campaign was killed", remedy="run the same command again, with fewer --jobs if memory was short") from None  # fmt: skip
@@ -53,10 +54,10 @@ def _side_by_side(settings: Settings, seeds: list[int], plan: Plan | None, jobs:
             raise
 
 
-def _begin(settings: Settings, plan: Plan | None) -> None:
+def _begin(function: Callable[[Any], Any]) -> None:
     """Start of a worker: Ctrl-C is for its parent to see, and without a parent it ends."""
-    global _shared
-    _shared = settings, plan
+    global _function
+    _function = function
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -68,10 +69,9 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _run(seed: int) -> Row:
-    assert _shared is not None
-    settings, plan = _shared
-    return row_of(settings, seed, plan)
+def _run(item: Any) -> Any:
+    assert _function is not None
+    return _function(item)
 
 
 @contextmanager

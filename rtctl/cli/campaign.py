@@ -25,7 +25,7 @@ def run(settings: "Settings", seed: int, count: int, jobs: int, file: Path) -> E
 
     pace = Pace()
     try:
-        with _shown(pace) as report:
+        with shown(pace) as report:
             campaign.run(settings, range(seed, seed + count), file, jobs, report)
     except KeyboardInterrupt:
         if pace.now is not None:
@@ -69,7 +69,8 @@ class Pace:
 
 
 @contextmanager
-def _shown(pace: Pace) -> "Iterator[Callable[[Standing], None]]":
+def shown(pace: Pace) -> "Iterator[Callable[[Standing], None]]":
+    """Progress on the side channel, as a bar where there is a terminal; yields what is to be called with each standing."""
     if side().is_terminal:
         with _bar(pace) as report:
             yield report

@@ -153,7 +153,7 @@ def test_the_tutorial_leads_into_the_cochlea_and_out_again():
     refused = [(command, reason) for command, reason in told if reason is not Reason.ACCEPTED]
     assert refused == [("move", Reason.OUTSIDE_BOX)]
     assert [command for command, _ in told][-4:] == ["pause", "resume", "retract", "disable"]
-    assert deepest_mm == pytest.approx(11.0)  # from 15 mm the moved path leads past a stop on the way back
+    assert deepest_mm == pytest.approx(15.0)
     assert record["depth_mm"] == pytest.approx(0.0, abs=1e-6)
     assert record["task_state"] == Task.IDLE or record["task_state"] == Task.DONE
 

@@ -14,7 +14,6 @@ import pytest
 from hal.errors import OptionError, RtctlError
 from rtctl import campaign
 from rtctl.campaign import row as rows
-from rtctl.campaign import workers
 from rtctl.campaign.table import CampaignError
 from rtctl.cli import main
 from rtctl.cli.exit_codes import Exit
@@ -83,8 +82,8 @@ def test_the_number_of_processes_does_not_show_in_the_table(settings, table, tmp
 def test_a_table_cut_in_the_middle_of_a_line_becomes_the_same_table(settings, table, tmp_path, monkeypatch):
     path, run_again = tmp_path / "cut.csv", []
     path.write_bytes(table.read_bytes()[:-40])
-    simulate = workers.row_of
-    monkeypatch.setattr(workers, "row_of", lambda s, seed, plan: run_again.append(seed) or simulate(s, seed, plan))
+    simulate = campaign.row_of
+    monkeypatch.setattr(campaign, "row_of", lambda s, seed, plan: run_again.append(seed) or simulate(s, seed, plan))
     campaign.run(settings, SEEDS, path)
     assert run_again == [SEEDS[-1]]
     assert path.read_bytes() == table.read_bytes()
@@ -140,7 +139,7 @@ def test_failures_are_counted_when_a_table_goes_on(settings, tmp_path, monkeypat
         bad = {"outcome": "incomplete"} if seed % 2 else {"outcome": "completed"}
         return rows.row_of(settings, SEEDS[0], plan) | {"seed": str(seed)} | bad
 
-    monkeypatch.setattr(workers, "row_of", row_of)
+    monkeypatch.setattr(campaign, "row_of", row_of)
     path = tmp_path / "table.csv"
     assert campaign.run(settings, range(2), path) == campaign.Standing(2, 2, 1)
     assert campaign.run(settings, range(1, 4), path) == campaign.Standing(3, 3, 2)
