@@ -1,6 +1,7 @@
 """Everything that shapes a run: one TOML file in, frozen dataclasses out.
 
-Read it with :func:`load`; override single keys with ``--set a.b=value`` (:func:`override`). Options marked
+Read it with :func:`load`; override single keys with ``--set a.b=value``, or those of a calibration with ``--set @FILE``
+(:func:`override`). Options marked
 live can be changed while the controller runs; :mod:`rtctl.parameters` turns them into the record the tick reads.
 """
 
@@ -66,7 +67,11 @@ class BackendChoice:
 class Wrench:
     """Filter, gravity and bias of the force/torque sensor (D III.57, 05 section 1)."""
 
-    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="second-order Butterworth low-pass")
+    filter: str = option(
+        "butterworth", choices=("butterworth", "moving_average"), live=True, doc="low-pass of every component"
+    )
+    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="of the second-order Butterworth")
+    window_s: float = option(0.025, low=0.002, high=0.1, unit="s", live=True, doc="of the moving average")
     gravity_force_in_base_n: tuple[float, ...] = option(
         (0.0, 0.0, 0.0),
         shape=(3,),
@@ -330,37 +335,22 @@ class Settings:
 def load(path: str | Path, overrides: Iterable[str] = ()) -> Settings:
     """Read, override and check a settings file; a bare name finds the files that ship with rtctl.
 
-    Each of `overrides` is key=value, or @FILE for all the keys of another TOML file, such as a calibration.
-
     Raises:
         OptionError: missing file, broken TOML, unknown key, wrong type or value out of bounds.
     """
-    table = _parsed(find(path))
+    table = _read(find(path))
     for assignment in overrides:
-        if assignment.startswith("@"):
-            _merge(table, _parsed(Path(assignment[1:])))
-        else:
-            override(table, assignment)
+        override(table, assignment)
     return from_table(table)
 
 
-def _parsed(file: Path) -> dict[str, Any]:
+def _read(file: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(file.read_text())
     except OSError as error:
         raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # also of bytes that are no text, and of a name that is none
         raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
-
-
-def _merge(table: dict[str, Any], other: Mapping[str, Any]) -> None:
-    """Put the keys of `other` into `table`, table by table."""
-    for key, value in other.items():
-        inner = table.get(key)
-        if isinstance(inner, dict) and isinstance(value, Mapping):
-            _merge(inner, value)
-        else:
-            table[key] = value
 
 
 def from_table(table: Mapping[str, Any]) -> Settings:
@@ -383,10 +373,13 @@ def find(path: str | Path) -> Path:
 
 
 def override(table: dict[str, Any], assignment: str) -> None:
-    """Apply one ``a.b.c=value`` (TOML value; bare words are strings) to a parsed table."""
+    """Apply one ``a.b.c=value`` (TOML value; bare words are strings), or a TOML file as ``@FILE``, to a parsed table."""
+    if assignment.startswith("@"):
+        _put_on_top(table, _read(Path(assignment[1:])))
+        return
     key, sign, text = assignment.partition("=")
     if not sign or not key.strip():
-        raise OptionError("an override must read key=value", value=assignment, remedy="for instance loop.priority=70")
+        raise OptionError("an override must read key=value or @FILE", value=assignment, remedy="for instance loop.priority=70")  # fmt: skip
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -397,6 +390,16 @@ def override(table: dict[str, Any], assignment: str) -> None:
         if not isinstance(table, dict):
             raise OptionError(f"{key} is not inside a table", value=name, remedy="see `rtctl config show`")
     table[last] = value
+
+
+def _put_on_top(table: dict[str, Any], upper: Mapping[str, Any]) -> None:
+    """Every value of `upper` in its place in `table`; tables are merged, lists replaced."""
+    for name, value in upper.items():
+        below = table.get(name)
+        if isinstance(value, dict) and isinstance(below, dict):
+            _put_on_top(below, value)
+        else:
+            table[name] = value
 
 
 def public_table(settings: Settings) -> dict[str, Any]:

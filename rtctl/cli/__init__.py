@@ -8,7 +8,19 @@ from typing import Any
 
 import typer
 
-from rtctl.cli import client, configuration, daemon, logs, motion, parameters, plan, simulation, study, watching
+from rtctl.cli import (
+    calibrate,
+    client,
+    configuration,
+    daemon,
+    logs,
+    motion,
+    parameters,
+    plan,
+    simulation,
+    study,
+    watching,
+)
 from rtctl.cli.console import say_error
 from rtctl.cli.exit_codes import Exit, table
 
@@ -23,7 +35,19 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",
 )
-for family in (daemon, simulation, watching, client, motion, plan, parameters, logs, configuration, study):
+for family in (
+    daemon,
+    simulation,
+    watching,
+    client,
+    motion,
+    plan,
+    parameters,
+    logs,
+    configuration,
+    calibrate,
+    study,
+):
     family.add_to(app)
 
 

@@ -8,9 +8,7 @@ CONFIG = Annotated[str, typer.Argument(help="Settings file, or the name of one t
 SET = Annotated[
     list[str] | None,
     typer.Option(
-        "--set",
-        help="Override one setting, as key=value, or those of another file, as @FILE; may be repeated.",
-        metavar="KEY=VALUE",
+        "--set", help="Override one setting, or those in a TOML file, as @FILE; may be repeated.", metavar="KEY=VALUE"
     ),
 ]
 SEED = Annotated[int, typer.Option(help="Seed of the simulation: noise, and scatter where it is on.", min=0)]
