@@ -188,12 +188,13 @@ def _facts(content: "PlanFile", plan: "Plan") -> dict[str, Any]:
 def _table(content: "PlanFile", plan: "Plan") -> "Table":
     """A row a depth; poses in {B} at the entry of the file."""
     from rich.table import Table
+    from rich.text import Text
 
     from rtctl.electrode.robot_path import poses_in_base
 
     table = Table(box=None, header_style="dim", pad_edge=False)
     for head in ("depth [mm]", "x [mm]", "y [mm]", "phi [rad]", "stylet [mm]", "cost [mm²]", "rms [mm]"):
-        table.add_column(head, justify="right")
+        table.add_column(Text(head), justify="right")
     poses = poses_in_base(plan.pose_in_cochlea, _entry_of(content), plan.cochlea)
     for depth, (x, y, phi), stylet, cost, rms in zip(
         plan.depth_mm, poses, plan.stylet_mm, plan.cost, plan.rms_mm, strict=True

@@ -91,7 +91,8 @@ def read(path: Path) -> list[Image]:
 
 def parse(text: str) -> list[Image]:
     """The images in the text of a file. Raises DigitisedError as :func:`read`."""
-    images = [_image(name, rows) for name, rows in _grouped(_rows(text))]
+    groups = list(_grouped(_rows(text)))  # what is wrong with the order of the rows comes first
+    images = [_image(name, rows) for name, rows in groups]
     if not images:
         raise DigitisedError("there is no point in the file", bound="a row a point", remedy=_columns())
     return images

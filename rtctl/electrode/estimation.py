@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from hal.errors import RtctlError
 from rtctl.electrode.array_shape import LENGTH_MM, ORDER
@@ -79,10 +79,8 @@ def estimate(point_mm: Sequence[float] | np.ndarray, known: Sequence[np.ndarray]
             bound=f"above 0, at most {LENGTH_MM:g} mm from the grip",
             remedy="give the point in the array's frame: origin at the grip, x along the array there",
         )
-    best = _search(point, mean[:, 0])
-    found = Estimate(
-        np.column_stack((best[:ORDER] / _SCALE, mean[:, 1:])), float(best[ORDER]) * LENGTH_MM, _cost(best, mean[:, 0])
-    )
+    best, cost = _search(point, mean[:, 0])
+    found = Estimate(np.column_stack((best[:ORDER] / _SCALE, mean[:, 1:])), float(best[ORDER]) * LENGTH_MM, cost)
     if found.rms_rad > MOST_RAD:
         raise EstimationError(
             "only an array unlike the known ones goes through the measured point",
@@ -93,39 +91,38 @@ def estimate(point_mm: Sequence[float] | np.ndarray, known: Sequence[np.ndarray]
     return found
 
 
-def _search(point: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """Minimum (5,) of (II.18): coefficients of the powers of s / L, and L~ / L; the best of several starts."""
+def _search(point: np.ndarray, mean: np.ndarray) -> tuple[np.ndarray, float]:
+    """Minimum (5,) of (II.18), and its cost: coefficients of the powers of s / L, and L~ / L; the best of several starts."""
     scaled = mean * _SCALE
-    first = float(np.linalg.norm(point)) / LENGTH_MM  # no array is shorter than the way to the point
     basis = np.vander(np.linspace(0.0, 1.0, NODES), ORDER, increasing=True)
+
+    def cost(x: np.ndarray) -> float:
+        difference = basis @ (x[:ORDER] - scaled)
+        return float(difference @ difference)
 
     def gradient(x: np.ndarray) -> np.ndarray:
         return np.append(2.0 * basis.T @ (basis @ (x[:ORDER] - scaled)), 0.0)
 
+    def miss(x: np.ndarray) -> np.ndarray:
+        return _end(x)[0] - point / LENGTH_MM
+
+    nearest = float(np.linalg.norm(point)) / LENGTH_MM  # no array is shorter than the way to the point
     best, least = None, math.inf
-    for place in np.linspace(first, 1.0, STARTS):
-        result = minimize(
-            _cost,
+    for place in np.linspace(nearest, 1.0, STARTS):
+        x = minimize(
+            cost,
             np.append(scaled, place),
-            args=(mean,),
-            jac=lambda x, _: gradient(x),
             method="SLSQP",
-            bounds=[(None, None)] * ORDER + [(0.0, 1.0)],
-            constraints={"type": "eq", "fun": lambda x: _end(x)[0] - point / LENGTH_MM, "jac": lambda x: _end(x)[1]},
+            jac=gradient,
+            bounds=Bounds([-math.inf] * ORDER + [0.0], [math.inf] * ORDER + [1.0]),
+            constraints=NonlinearConstraint(miss, 0.0, 0.0, jac=lambda x: _end(x)[1]),
             options={"maxiter": 300, "ftol": 1e-13},
-        )
-        miss_mm = LENGTH_MM * float(np.abs(_end(result.x)[0] - point / LENGTH_MM).max())
-        if miss_mm <= MISS_MM and result.fun < least:
-            best, least = result.x, float(result.fun)
+        ).x
+        if LENGTH_MM * float(np.abs(miss(x)).max()) <= MISS_MM and cost(x) < least:
+            best, least = x, cost(x)
     if best is None:
         raise EstimationError("no array was found that goes through the measured point", value=point.tolist())
-    return best
-
-
-def _cost(x: np.ndarray, mean: np.ndarray) -> float:
-    """(II.18)."""
-    difference = np.vander(np.linspace(0.0, 1.0, NODES), ORDER, increasing=True) @ (x[:ORDER] - mean * _SCALE)
-    return float(difference @ difference)
+    return best, least
 
 
 def _end(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -39,6 +39,7 @@ def test_no_file_is_written_for_a_plan_that_is_refused(tmp_path, capsys):
 def test_show_has_a_row_a_depth(made, capsys):
     assert main(["plan", "show", str(made)]) == Exit.OK
     lines = capsys.readouterr().out.splitlines()
+    assert any("depth [mm]" in line and "phi [rad]" in line for line in lines)
     rows = [line.split() for line in lines if len(line.split()) == 7 and line.split()[0].replace(".", "").isdigit()]
     content = json.loads(made.read_text())["depths"]
     assert [float(row[0]) for row in rows] == content["depth_mm"]
