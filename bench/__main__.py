@@ -13,6 +13,7 @@ from rich.console import Console
 
 from bench import (
     exchange_cost,
+    guidance_cost,
     lockstep_speed,
     loop_cost,
     memory_growth,
@@ -27,7 +28,7 @@ from bench.recorded import record_insertion
 from hal.errors import RtctlError
 from rtctl.settings import load
 
-SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "planning")
+SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance", "planning")
 STUDIES = ("rod", "robustness", "phenomena", "mujoco")
 """Of the array by itself; they take minutes, and only when asked for."""
 PARTS = SPEED + STUDIES
@@ -103,6 +104,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
         "lockstep": lambda: lockstep_speed.measure(settings, SEED, pieces),
         "exchange": lambda: exchange_cost.measure(settings, pieces),
         "planning": lambda: planning_cost.measure(settings),
+        "guidance": lambda: guidance_cost.measure(settings, SEED),
         "rod": rod_study.measure_mesh,
         "robustness": rod_study.measure_robustness,
         "phenomena": rod_study.measure_phenomena,

@@ -2,14 +2,15 @@
 
 The tick gets it as ``memory``; its parts are plain nested records: the robot's geometry, the parameter set
 in force, the state, the motion profile being followed, the profile proposed for the command of this tick,
-the insertion plan, and the command itself. Whoever holds the same memory and feeds the same inputs gets the same
-outputs to the bit.
+the insertion plan, the command itself, and the failure detector with what it knows of the insertion. Whoever holds
+the same memory and feeds the same inputs gets the same outputs to the bit.
 """
 
 import numpy as np
 
 from rtctl.commands import COMMAND
 from rtctl.electrode.path import PATH
+from rtctl.guidance.layout import DETECTOR, INSERTION
 from rtctl.way_back import ROWS as WAY_ROWS
 
 SEGMENTS = 12
@@ -78,6 +79,11 @@ def parameters_dtype(dof: int) -> np.dtype:
             ("wrench_age_ticks", "i8"),
             ("power_on_ticks", "i8"),
             ("overrun_ticks", "i8"),
+            # failure detection
+            ("fold_margin", "f8"),
+            ("fold_reaction", "i8"),
+            ("buckling_reaction", "i8"),
+            ("buckling_two_sided", "i8"),
         ],
         align=True,
     )
@@ -195,6 +201,8 @@ def memory_dtype(robot_dtype: np.dtype, dof: int) -> np.dtype:
             ("plan", PATH),
             ("staged_plan", PATH),
             ("command", COMMAND),
+            ("detector", DETECTOR),
+            ("insertion", INSERTION),
         ],
         align=True,
     )

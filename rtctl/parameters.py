@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from rtctl.guidance.layout import REACTIONS
 from rtctl.memory import parameters_dtype
 from rtctl.robots import Robot
 from rtctl.settings import Settings
@@ -64,6 +65,10 @@ def pack(settings: Settings, robot: Robot, number: int) -> np.ndarray:
     for name in ("following_error_rad", "force_limit_n", "axes_age_ticks", "wrench_age_ticks", "power_on_ticks",
                  "overrun_ticks"):  # fmt: skip
         p[name] = getattr(f, name)
+
+    g = s.guidance
+    p["fold_margin"], p["buckling_two_sided"] = g.margin, g.two_sided
+    p["fold_reaction"], p["buckling_reaction"] = REACTIONS[g.tip_fold], REACTIONS[g.buckling]
     return parameters
 
 

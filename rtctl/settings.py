@@ -9,7 +9,7 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from ipaddress import ip_address
 from pathlib import Path
@@ -26,6 +26,8 @@ from rtctl.electrode.patient import (
     SMALLEST_A_MM,
     SPIRAL_A_MM,
 )
+from rtctl.guidance import detector_file
+from rtctl.guidance.layout import REACTIONS
 
 ARRAY_MATRIX = (
     (2.93695392269587e-03, -3.94085203728490e-02, 6.16973009198033e-03, -2.35843234791911e-04),
@@ -262,6 +264,24 @@ class Cochlea:
 
 
 @dataclass(frozen=True)
+class Guidance:
+    """Detection of buckling and of tip folding (03 sections 4 to 6)."""
+
+    detector: str = option("", doc="file of `rtctl detector train`; without one nothing is watched")
+    model: dict = option({}, doc="content of that file, put here when settings are read; leave it out")
+    tip_fold: str = option("warn", choices=tuple(REACTIONS), live=True, doc="reaction to a folding tip; retract: pause, and nothing but a retraction until the array is out")  # fmt: skip
+    buckling: str = option("warn", choices=tuple(REACTIONS), live=True, doc="reaction to buckling outside the cochlea")
+    margin: float = option(
+        0.75,
+        low=0.0,
+        high=1.0,
+        live=True,
+        doc="rho: share of the doubt about h that must be overcome to call it a fold",
+    )
+    two_sided: bool = option(False, live=True, doc="unusually low forces count as buckling, too, as printed in (VI.12)")
+
+
+@dataclass(frozen=True)
 class Gateway:
     """The process between shared memory and the network."""
 
@@ -327,6 +347,7 @@ class Settings:
     safety: Safety
     electrode: Electrode
     cochlea: Cochlea
+    guidance: Guidance
     gateway: Gateway
     log: Log
     workflow: Workflow
@@ -355,9 +376,22 @@ def _read(file: Path) -> dict[str, Any]:
 
 def from_table(table: Mapping[str, Any]) -> Settings:
     """Settings from a parsed table, checked as a whole."""
-    settings = read(Settings, table)
+    settings = _with_detector(read(Settings, table))
     _check(settings)
     return settings
+
+
+def _with_detector(settings: Settings) -> Settings:
+    """The settings with the content of the detector they name, so that whoever has the settings has that, too.
+
+    Raises DetectorError if it cannot be read, or is not one for this version.
+    """
+    guidance = settings.guidance
+    if guidance.detector and not guidance.model:
+        guidance = replace(guidance, model=detector_file.read_table(guidance.detector))
+    if guidance.model:
+        detector_file.from_table(guidance.model)
+    return replace(settings, guidance=guidance)
 
 
 def find(path: str | Path) -> Path:
@@ -434,10 +468,23 @@ def _check(s: Settings) -> None:
         raise OptionError("admittance.blend_end_mm must be larger than blend_start_mm", value=s.admittance.blend_end_mm, bound=f"above {s.admittance.blend_start_mm}")  # fmt: skip
     if s.workflow.speed_mm_per_s > s.trajectory.depth_speed_mm_per_s:
         raise OptionError("workflow.speed_mm_per_s is faster than allowed", value=s.workflow.speed_mm_per_s, bound=f"at most trajectory.depth_speed_mm_per_s = {s.trajectory.depth_speed_mm_per_s}")  # fmt: skip
+    _check_guidance(s)
     if not s.robot.name.replace("-", "").replace("_", "").isalnum():
         raise OptionError("robot.name must be one word", value=s.robot.name, bound="letters, digits, - and _")
     if not _is_loopback(s.gateway.endpoint) and not (s.gateway.user and s.gateway.password):
         raise OptionError("gateway.endpoint is reachable from outside", value=s.gateway.endpoint, bound="loopback, or user and password", remedy="use tcp/127.0.0.1:PORT, or set gateway.user and gateway.password")  # fmt: skip
+
+
+def _check_guidance(s: Settings) -> None:
+    """Reactions need a detector."""
+    g = s.guidance
+    if g.detector:
+        return
+    if g.model:
+        raise OptionError("guidance.model belongs to a detector", remedy="name its file with guidance.detector, and leave out model")  # fmt: skip
+    for name in ("tip_fold", "buckling"):
+        if getattr(g, name) != "warn":
+            raise OptionError(f"guidance.{name} has nothing to react to", value=getattr(g, name), bound="warn without a detector", remedy="name one with guidance.detector")  # fmt: skip
 
 
 def _is_loopback(endpoint: str) -> bool:

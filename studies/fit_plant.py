@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from rtctl.report.force_reference import resistance
+from rtctl.guidance.force_model import resistance
 from rtctl.study.insertions import (
     AS_THE_SOURCES,
     COUNTED,

@@ -207,6 +207,14 @@ void act(Memory &memory, const Sensors &sensors, Actuators &actuators, Record &r
     state.latched |= record.condition_active;
 }
 
+// What the detectors of rtctl/guidance/watch.py say where there is none, the only case compared.
+void leave_unwatched(Record &record) {
+    for (int i = 0; i < 2; ++i) record.buckling_integral[i] = record.buckling_bound[i] = NOT_KNOWN;
+    record.predicted_force_n = record.fold_decision = record.fold_bound = NOT_KNOWN;
+    record.detector_samples = 0;
+    record.detector_flags = 0;
+}
+
 void report(const Memory &memory, Record &record) {
     const State &state = memory.state;
     const bool known = state.homed != 0;
@@ -244,6 +252,7 @@ void tick(Memory &memory, const Sensors &sensors, Actuators &actuators, Record &
     know_pose(memory, record);
     know_force(memory, sensors, record);
     conditions::watch_inputs(memory.parameters, state, sensors, record);
+    leave_unwatched(record);
     decide(memory, sensors, record);
     if (state.homed && sensors.powered && state.operating != Operating::FAULT) {
         hlc::advance(memory, record);

@@ -13,6 +13,7 @@ from rtctl.cli import (
     client,
     configuration,
     daemon,
+    detector,
     logs,
     motion,
     parameters,
@@ -36,18 +37,8 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon,
-    simulation,
-    watching,
-    client,
-    motion,
-    plan,
-    parameters,
-    logs,
-    configuration,
-    calibrate,
-    study,
-):
+    daemon, simulation, watching, client, motion, plan, parameters, logs, configuration, calibrate, detector, study,
+):  # fmt: skip
     family.add_to(app)
 
 

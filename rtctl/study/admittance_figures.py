@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rtctl.report.force_reference import resistance
+from rtctl.guidance.force_model import resistance
 from rtctl.report.style import BAND, BLUE, GREEN, GREY, ORANGE, RED, VIOLET, legend_above, picture
 from rtctl.study.admittance import REGULATED_N, Case
 from rtctl.study.insertions import COUNTED, FULL_DEPTH_MM, LAMBDA, Insertions

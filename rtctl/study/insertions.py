@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtctl.electrode.planning import Plan
+from rtctl.guidance.force_model import FULL_DEPTH_MM
 from rtctl.settings import Settings
 from rtctl.simulation import simulate
 
-FULL_DEPTH_MM = 13.8
-"""lambda = 1 (D section V.1)."""
 LAMBDA = np.linspace(0.0, 1.0, 139)
 COUNTED = LAMBDA <= 0.95
 """Forces count over this share of the insertion, as in I."""

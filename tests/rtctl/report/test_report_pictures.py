@@ -8,7 +8,7 @@ import pytest
 from rtctl.electrode import cochlea
 from rtctl.electrode.planning import APPROACH_RAD
 from rtctl.electrode.robot_path import poses_in_base
-from rtctl.report.force_reference import FULL_DEPTH_MM, resistance
+from rtctl.guidance.force_model import FULL_DEPTH_MM, resistance
 from rtctl.report.scala import Placement
 
 
