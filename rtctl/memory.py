@@ -15,6 +15,8 @@ from rtctl.way_back import ROWS as WAY_ROWS
 
 SEGMENTS = 12
 """Pieces of one channel of a profile: a brake of two, seven of a move, and the final one, rounded up."""
+WINDOW_MAX = 200
+"""Samples of the longest moving average: 0.1 s at the shortest period."""
 
 
 def parameters_dtype(dof: int) -> np.dtype:
@@ -24,7 +26,9 @@ def parameters_dtype(dof: int) -> np.dtype:
         [
             ("number", "i8"),
             ("period_s", "f8"),
-            # wrench: Butterworth section b, a; gravity; averaging of the bias
+            # wrench: Butterworth section b, a, or moving average; gravity; averaging of the bias
+            ("moving_average", "i8"),
+            ("window_ticks", "i8"),
             ("filter_b", "f8", (3,)),
             ("filter_a", "f8", (3,)),
             ("gravity_force_in_base_n", "f8", (3,)),
@@ -149,6 +153,10 @@ def state_dtype(dof: int) -> np.dtype:
             # wrench
             ("scratch", "f8", (2, 8)),
             ("filter_state", "f8", (6, 2)),
+            ("window", "f8", (6, WINDOW_MAX)),
+            ("window_sum", "f8", (6,)),
+            ("window_lap", "f8", (6,)),
+            ("window_at", "i8"),
             ("filter_ready", "i8"),
             ("bias_in_sensor", "f8", (6,)),
             ("unbias_sum", "f8", (6,)),

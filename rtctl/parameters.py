@@ -19,6 +19,8 @@ def pack(settings: Settings, robot: Robot, number: int) -> np.ndarray:
     p["number"], p["period_s"] = number, period
     p["length_dofs"] = robot.length_dofs
 
+    p["moving_average"] = s.wrench.filter == "moving_average"
+    p["window_ticks"] = max(round(s.wrench.window_s / period), 1)
     p["filter_b"], p["filter_a"] = butterworth_low_pass(s.wrench.cutoff_hz, period)
     p["gravity_force_in_base_n"] = s.wrench.gravity_force_in_base_n
     p["centre_of_mass_in_sensor_mm"] = s.wrench.centre_of_mass_in_sensor_mm

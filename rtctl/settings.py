@@ -1,6 +1,7 @@
 """Everything that shapes a run: one TOML file in, frozen dataclasses out.
 
-Read it with :func:`load`; override single keys with ``--set a.b=value`` (:func:`override`). Options marked
+Read it with :func:`load`; override single keys with ``--set a.b=value``, or those of a calibration with ``--set @FILE``
+(:func:`override`). Options marked
 live can be changed while the controller runs; :mod:`rtctl.parameters` turns them into the record the tick reads.
 """
 
@@ -17,6 +18,14 @@ from typing import Any
 from hal.errors import OptionError
 from hal.options import option, read, table_of
 from rtctl import robots
+from rtctl.electrode.patient import (
+    LARGEST_A_MM,
+    RECESS_ANGLE_RAD,
+    RECESS_CLEARANCE_MM,
+    SIDES,
+    SMALLEST_A_MM,
+    SPIRAL_A_MM,
+)
 from rtctl.guidance import detector_file
 from rtctl.guidance.layout import REACTIONS
 
@@ -60,7 +69,11 @@ class BackendChoice:
 class Wrench:
     """Filter, gravity and bias of the force/torque sensor (D III.57, 05 section 1)."""
 
-    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="second-order Butterworth low-pass")
+    filter: str = option(
+        "butterworth", choices=("butterworth", "moving_average"), live=True, doc="low-pass of every component"
+    )
+    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="of the second-order Butterworth")
+    window_s: float = option(0.025, low=0.002, high=0.1, unit="s", live=True, doc="of the moving average")
     gravity_force_in_base_n: tuple[float, ...] = option(
         (0.0, 0.0, 0.0),
         shape=(3,),
@@ -225,6 +238,32 @@ class Electrode:
 
 
 @dataclass(frozen=True)
+class Cochlea:
+    """The planner's model of the patient (02 sections 1 and 5; II.1, II.2)."""
+
+    spiral_a_mm: float = option(
+        SPIRAL_A_MM, low=SMALLEST_A_MM, high=LARGEST_A_MM, unit="mm", doc="A of its spiral, which scales all of it"
+    )
+    side: str = option(
+        "right", choices=SIDES, doc="ear; for a left one the robot is mounted turned over about x of {B}"
+    )
+    recess_angle_rad: float = option(
+        RECESS_ANGLE_RAD,
+        low=0.1,
+        high=0.6,
+        unit="rad",
+        doc="the gripper turns, and the array passes the facial recess, so far to either side of the registered direction",
+    )
+    recess_clearance_mm: float = option(
+        RECESS_CLEARANCE_MM,
+        low=0.3,
+        high=10.0,
+        unit="mm",
+        doc="half width of the facial recess, which is where that cone is as wide",
+    )
+
+
+@dataclass(frozen=True)
 class Guidance:
     """Detection of buckling and of tip folding (03 sections 4 to 6)."""
 
@@ -307,6 +346,7 @@ class Settings:
     homing: Homing
     safety: Safety
     electrode: Electrode
+    cochlea: Cochlea
     guidance: Guidance
     gateway: Gateway
     log: Log
@@ -319,16 +359,19 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Settings:
     Raises:
         OptionError: missing file, broken TOML, unknown key, wrong type or value out of bounds.
     """
-    file = find(path)
-    try:
-        table = tomllib.loads(file.read_text())
-    except OSError as error:
-        raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
+    table = _read(find(path))
     for assignment in overrides:
         override(table, assignment)
     return from_table(table)
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text())
+    except OSError as error:
+        raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
+    except ValueError as error:  # also of bytes that are no text, and of a name that is none
+        raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
 
 
 def from_table(table: Mapping[str, Any]) -> Settings:
@@ -364,10 +407,13 @@ def find(path: str | Path) -> Path:
 
 
 def override(table: dict[str, Any], assignment: str) -> None:
-    """Apply one ``a.b.c=value`` (TOML value; bare words are strings) to a parsed table."""
+    """Apply one ``a.b.c=value`` (TOML value; bare words are strings), or a TOML file as ``@FILE``, to a parsed table."""
+    if assignment.startswith("@"):
+        _put_on_top(table, _read(Path(assignment[1:])))
+        return
     key, sign, text = assignment.partition("=")
     if not sign or not key.strip():
-        raise OptionError("an override must read key=value", value=assignment, remedy="for instance loop.priority=70")
+        raise OptionError("an override must read key=value or @FILE", value=assignment, remedy="for instance loop.priority=70")  # fmt: skip
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -378,6 +424,16 @@ def override(table: dict[str, Any], assignment: str) -> None:
         if not isinstance(table, dict):
             raise OptionError(f"{key} is not inside a table", value=name, remedy="see `rtctl config show`")
     table[last] = value
+
+
+def _put_on_top(table: dict[str, Any], upper: Mapping[str, Any]) -> None:
+    """Every value of `upper` in its place in `table`; tables are merged, lists replaced."""
+    for name, value in upper.items():
+        below = table.get(name)
+        if isinstance(value, dict) and isinstance(below, dict):
+            _put_on_top(below, value)
+        else:
+            table[name] = value
 
 
 def public_table(settings: Settings) -> dict[str, Any]:

@@ -29,7 +29,10 @@ def admittance(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; all cores if not given.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 0,
 ) -> Exit:
-    """Sets 0 to 5 of the force-control study, Table VI.3 and Figures VI.4 to VI.6: some two minutes on two cores."""
+    """Sets 0 to 5 of the force-control study, Table VI.3 and Figures VI.4 to VI.6: some two minutes on two cores.
+
+    Example: `rtctl study admittance --to force-control`
+    """
     import os
 
     from hal.errors import OptionError

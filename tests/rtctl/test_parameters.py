@@ -69,8 +69,10 @@ def test_every_live_option_changes_the_set(name, field):
         other = not value
     elif isinstance(value, tuple):
         other = [v + 0.25 for v in value]
+    elif isinstance(value, str):
+        other = next(word for word in field.metadata["choices"] if word != value)
     else:
-        other = value * 1.01 if value and value * 1.01 <= high and value * 1.01 >= low else (value + (low or 0)) / 2
+        other = value * 1.1 if value and value * 1.1 <= high and value * 1.1 >= low else (value + (low or 0)) / 2
     assert packed(**{f"{section}__{option}": other}).tobytes() != packed().tobytes()
 
 
