@@ -19,7 +19,7 @@ from rtctl.settings import load
 from rtctl.simulation import simulate
 from rtctl.summary import Run
 
-WHOLE = ("workflow.depth_mm=13.9", "workflow.hold_s=0.1", "workflow.speed_mm_per_s=2.0")
+WHOLE = ("workflow.depth_mm=13.9", "workflow.hold_s=0.1")
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,9 @@ def logs(detector, tmp_path_factory):
     """A folder with the log of one insertion into the simulated cochlea, watched by a detector that only warns."""
     folder = tmp_path_factory.mktemp("logs")
     detector_file.write(detector, folder / "detector.json")
-    simulate(load("planar-sim", [*WHOLE, f"guidance.detector={folder / 'detector.json'}"]), 5, log=folder / "5.mcap")
+    settings = load("planar-sim", [*WHOLE, f"guidance.detector={folder / 'detector.json'}"])
+    result = simulate(settings, 5, log=folder / "5.mcap")
+    assert result.failure is None
     return folder
 
 
