@@ -84,6 +84,9 @@ class Condition(enum.IntEnum):
     STYLET_LIMIT = 16
     HOMING_FAILED = 17
     SPEED_LIMIT = 18
+    IMPEDANCE_SILENT = 19
+    IMPEDANCE_UNUSABLE = 20
+    IMPEDANCE_LOST = 21
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,9 @@ TABLE: dict[Condition, Row] = {
     Condition.STYLET_LIMIT: Row(Reaction.NOTE, "the stylet is withdrawn to its limit", "nothing to do: further withdrawal does not change the array"),
     Condition.HOMING_FAILED: Row(Reaction.STOP, "homing found no end stop within {bound:.0f} ticks", "check power and free motion, then home again"),
     Condition.SPEED_LIMIT: Row(Reaction.NOTE, "the reference was slowed to the speed limit", "nothing to do unless it lasts"),
+    Condition.IMPEDANCE_SILENT: Row(Reaction.NOTE, "impedance guidance stands still: no valid sample for {value:.0f} ticks (limit {bound:.0f})", "check the implant's telemetry; the plan goes on without it"),
+    Condition.IMPEDANCE_UNUSABLE: Row(Reaction.NOTE, "impedance guidance stands still: {value:.0f} pairs can be used (at least {bound:.0f}); the others are stale, open, shorted or noisy", "look for air in the cochlea and for broken leads; the plan goes on without it"),
+    Condition.IMPEDANCE_LOST: Row(Reaction.PAUSE, "impedance guidance is blind ({value:.0f}, bound {bound:.0f}), and impedance.when_blind is \"pause\"", "bring the telemetry back or set impedance.guidance to false, then resume; or retract"),
 }  # fmt: skip
 
 
@@ -131,6 +137,7 @@ NEVER_BLOCK_RETRACTION = (
     Condition.WRENCH_LOST,
     Condition.ADMITTANCE_SATURATED,
     Condition.LOG_FAILED,
+    Condition.IMPEDANCE_LOST,
 )
 """The way out must stay open: these conditions neither pause nor refuse a retraction."""
 RETRACTION_MASK = PAUSE_MASK & ~sum(1 << c for c in NEVER_BLOCK_RETRACTION)

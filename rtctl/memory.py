@@ -2,7 +2,7 @@
 
 The tick gets it as ``memory``; its parts are plain nested records: the robot's geometry, the parameter set
 in force, the state, the motion profile being followed, the profile proposed for the command of this tick,
-the insertion plan, and the command itself. Whoever holds the same memory and feeds the same inputs gets the same
+the insertion plan, the command itself, and what the contacts of the array have read. Whoever holds the same memory and feeds the same inputs gets the same
 outputs to the bit.
 """
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from rtctl.commands import COMMAND
 from rtctl.electrode.path import PATH
+from rtctl.guidance.impedance.layout import LAW, PAIR_STORE
 from rtctl.way_back import ROWS as WAY_ROWS
 
 SEGMENTS = 12
@@ -74,6 +75,8 @@ def parameters_dtype(dof: int) -> np.dtype:
             ("wrench_age_ticks", "i8"),
             ("power_on_ticks", "i8"),
             ("overrun_ticks", "i8"),
+            # impedance guidance
+            ("impedance_law", LAW),
         ],
         align=True,
     )
@@ -187,6 +190,7 @@ def memory_dtype(robot_dtype: np.dtype, dof: int) -> np.dtype:
             ("plan", PATH),
             ("staged_plan", PATH),
             ("command", COMMAND),
+            ("pairs", PAIR_STORE),
         ],
         align=True,
     )

@@ -207,6 +207,14 @@ void act(Memory &memory, const Sensors &sensors, Actuators &actuators, Record &r
     state.latched |= record.condition_active;
 }
 
+// What rtctl/guidance/impedance/law.py says while it is off, the only case compared.
+void leave_unguided(Record &record) {
+    record.impedance_step_mm = record.impedance_jacobian_ohm_per_mm = NOT_KNOWN;
+    record.impedance_offset_mm = 0.0;
+    record.impedance_usable = 0;
+    record.impedance_phase = 0;
+}
+
 void report(const Memory &memory, Record &record) {
     const State &state = memory.state;
     const bool known = state.homed != 0;
@@ -243,6 +251,7 @@ void tick(Memory &memory, const Sensors &sensors, Actuators &actuators, Record &
     begin(memory, sensors, record);
     know_pose(memory, record);
     know_force(memory, sensors, record);
+    leave_unguided(record);
     conditions::watch_inputs(memory.parameters, state, sensors, record);
     decide(memory, sensors, record);
     if (state.homed && sensors.powered && state.operating != Operating::FAULT) {
