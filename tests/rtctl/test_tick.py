@@ -512,7 +512,10 @@ def test_every_fault_condition_is_raised_somewhere():
     import rtctl
 
     folder = Path(rtctl.__file__).parent
-    source = "".join((folder / f"{f}.py").read_text() for f in ("conditions", "trajectory", "hlc", "homing", "tick"))
+    source = "".join(
+        (folder / f"{f}.py").read_text()
+        for f in ("conditions", "trajectory", "hlc", "homing", "tick", "guidance/impedance/law")
+    )
     for condition, row in TABLE.items():
         assert f"Condition.{condition.name}" in source, condition.name
         assert isinstance(row.reaction, Reaction)
