@@ -11,13 +11,23 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench import exchange_cost, lockstep_speed, loop_cost, memory_growth, mujoco_cable, rod_study, tick_cost, wake_up
+from bench import (
+    exchange_cost,
+    guidance_cost,
+    lockstep_speed,
+    loop_cost,
+    memory_growth,
+    mujoco_cable,
+    rod_study,
+    tick_cost,
+    wake_up,
+)
 from bench.figures import Figure, table
 from bench.recorded import record_insertion
 from hal.errors import RtctlError
 from rtctl.settings import load
 
-SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange")
+SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance")
 STUDIES = ("rod", "robustness", "phenomena", "mujoco")
 """Of the array by itself; they take minutes, and only when asked for."""
 PARTS = SPEED + STUDIES
@@ -92,6 +102,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
         "wake-up": lambda: wake_up.measure(settings, arguments.rounds, arguments.seconds),
         "lockstep": lambda: lockstep_speed.measure(settings, SEED, pieces),
         "exchange": lambda: exchange_cost.measure(settings, pieces),
+        "guidance": lambda: guidance_cost.measure(settings, SEED),
         "rod": rod_study.measure_mesh,
         "robustness": rod_study.measure_robustness,
         "phenomena": rod_study.measure_phenomena,

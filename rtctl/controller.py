@@ -5,6 +5,7 @@ import numpy as np
 from hal.frames import actuator_frame, sensor_frame
 from rtctl import robots
 from rtctl.commands import COMMAND
+from rtctl.guidance import detector_file, layout
 from rtctl.memory import memory_dtype
 from rtctl.parameters import pack
 from rtctl.propose import Proposer
@@ -34,6 +35,8 @@ class Controller:
         m = self.memory[0]
         m["robot"] = self.robot.record[0]
         m["parameters"] = pack(settings, self.robot, 1)[0]
+        if settings.guidance.detector:
+            m["detector"] = layout.pack(detector_file.from_table(settings.guidance.model))[0]
         state = m["state"]
         for name in ("pose", "pose_goal", "pose_entry", "reference", "joint_reference", "angle_rad"):
             state[name] = np.nan

@@ -9,7 +9,7 @@ where it begins to follow it, or is enabled again inside, comes back to it over 
 import math
 
 from hal.kernel import kernel
-from rtctl import llc
+from rtctl import llc, wrench
 from rtctl import profile as profiles
 from rtctl.commands import Verb
 from rtctl.conditions import raise_condition
@@ -140,7 +140,7 @@ def obey(memory, record):
         _leave_path(memory)
         profiles.clear(memory.profile, state.tick)
     elif verb == Verb.SET_PARAMETERS:
-        if memory.staged_parameters.filter_b[0] != memory.parameters.filter_b[0]:
+        if wrench.is_other_filter(memory.staged_parameters, memory.parameters):
             state.filter_ready = 0  # what a filter remembers means something else to another one
         memory.parameters = memory.staged_parameters
     elif verb == Verb.REGISTER_ENTRY:

@@ -2,8 +2,8 @@
 
 The tick gets it as ``memory``; its parts are plain nested records: the robot's geometry, the parameter set
 in force, the state, the motion profile being followed, the profile proposed for the command of this tick,
-the insertion plan, the command itself, and what the contacts of the array have read. Whoever holds the same memory and feeds the same inputs gets the same
-outputs to the bit.
+the insertion plan, the command itself, the failure detector with what it knows of the insertion, and what the contacts of
+the array have read. Whoever holds the same memory and feeds the same inputs gets the same outputs to the bit.
 """
 
 import numpy as np
@@ -11,10 +11,13 @@ import numpy as np
 from rtctl.commands import COMMAND
 from rtctl.electrode.path import PATH
 from rtctl.guidance.impedance.layout import LAW, PAIR_STORE
+from rtctl.guidance.layout import DETECTOR, INSERTION
 from rtctl.way_back import ROWS as WAY_ROWS
 
 SEGMENTS = 12
 """Pieces of one channel of a profile: a brake of two, seven of a move, and the final one, rounded up."""
+WINDOW_MAX = 200
+"""Samples of the longest moving average: 0.1 s at the shortest period."""
 
 
 def parameters_dtype(dof: int) -> np.dtype:
@@ -24,7 +27,9 @@ def parameters_dtype(dof: int) -> np.dtype:
         [
             ("number", "i8"),
             ("period_s", "f8"),
-            # wrench: Butterworth section b, a; gravity; averaging of the bias
+            # wrench: Butterworth section b, a, or moving average; gravity; averaging of the bias
+            ("moving_average", "i8"),
+            ("window_ticks", "i8"),
             ("filter_b", "f8", (3,)),
             ("filter_a", "f8", (3,)),
             ("gravity_force_in_base_n", "f8", (3,)),
@@ -75,6 +80,11 @@ def parameters_dtype(dof: int) -> np.dtype:
             ("wrench_age_ticks", "i8"),
             ("power_on_ticks", "i8"),
             ("overrun_ticks", "i8"),
+            # failure detection
+            ("fold_margin", "f8"),
+            ("fold_reaction", "i8"),
+            ("buckling_reaction", "i8"),
+            ("buckling_two_sided", "i8"),
             # impedance guidance
             ("impedance_law", LAW),
         ],
@@ -146,6 +156,10 @@ def state_dtype(dof: int) -> np.dtype:
             # wrench
             ("scratch", "f8", (2, 8)),
             ("filter_state", "f8", (6, 2)),
+            ("window", "f8", (6, WINDOW_MAX)),
+            ("window_sum", "f8", (6,)),
+            ("window_lap", "f8", (6,)),
+            ("window_at", "i8"),
             ("filter_ready", "i8"),
             ("bias_in_sensor", "f8", (6,)),
             ("unbias_sum", "f8", (6,)),
@@ -190,6 +204,8 @@ def memory_dtype(robot_dtype: np.dtype, dof: int) -> np.dtype:
             ("plan", PATH),
             ("staged_plan", PATH),
             ("command", COMMAND),
+            ("detector", DETECTOR),
+            ("insertion", INSERTION),
             ("pairs", PAIR_STORE),
         ],
         align=True,

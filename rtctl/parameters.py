@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from rtctl.guidance.impedance import layout
+from rtctl.guidance.layout import REACTIONS
 from rtctl.memory import parameters_dtype
 from rtctl.robots import Robot
 from rtctl.settings import Settings
@@ -19,6 +20,8 @@ def pack(settings: Settings, robot: Robot, number: int) -> np.ndarray:
     p["number"], p["period_s"] = number, period
     p["length_dofs"] = robot.length_dofs
 
+    p["moving_average"] = s.wrench.filter == "moving_average"
+    p["window_ticks"] = max(round(s.wrench.window_s / period), 1)
     p["filter_b"], p["filter_a"] = butterworth_low_pass(s.wrench.cutoff_hz, period)
     p["gravity_force_in_base_n"] = s.wrench.gravity_force_in_base_n
     p["centre_of_mass_in_sensor_mm"] = s.wrench.centre_of_mass_in_sensor_mm
@@ -64,6 +67,9 @@ def pack(settings: Settings, robot: Robot, number: int) -> np.ndarray:
                  "overrun_ticks"):  # fmt: skip
         p[name] = getattr(f, name)
 
+    g = s.guidance
+    p["fold_margin"], p["buckling_two_sided"] = g.margin, g.two_sided
+    p["fold_reaction"], p["buckling_reaction"] = REACTIONS[g.tip_fold], REACTIONS[g.buckling]
     _pack_impedance(s, p["impedance_law"])
     return parameters
 

@@ -97,7 +97,7 @@ def controller_table(dof: int) -> Table:
             # impedance guidance: NaN and 0 while it is off
             s("impedance_step_mm", "f8", (), "mm", "step of the stylet the last evaluation asked for"),
             s("impedance_offset_mm", "f8", (), "mm", "withdrawal added by impedance in this insertion"),
-            s("impedance_jacobian_ohm_per_mm", "f8", (), "ohm/mm", "norm of J_zqs at the last evaluation"),
+            s("impedance_jacobian_norm", "f8", (), "ohm/mm", "norm of J_zqs at the last evaluation"),
             # why
             s("condition_active", "i8", (), "bits", "conditions that hold in this tick"),
             s("condition_latched", "i8", (), "bits", "conditions since the last acknowledgement"),
@@ -105,6 +105,12 @@ def controller_table(dof: int) -> Table:
             s("reason_bound", "f8", (), "by reason", "the bound it broke"),
             s("condition_value", "f8", (), "by condition", "offending value of the condition reported"),
             s("condition_bound", "f8", (), "by condition", "the bound it broke"),
+            # failure detection: NaN and 0 without a detector, and outside an insertion
+            s("predicted_force_n", "f8", (), "N", "f_z at 13.8 mm as far as it can be predicted"),
+            s("fold_decision", "f8", (), "", "h of the predicted insertion; normal is above -fold_bound"),
+            s("fold_bound", "f8", (), "", "rho delta h: how far h may be wrong, by the margin in force"),
+            s("buckling_integral", "f8", (2,), "N, N mm", "phi_1 and phi_2: force and moment over lambda"),
+            s("buckling_bound", "f8", (2,), "N, N mm", "largest normal values of them"),
             # small things
             s("axes_age_ticks", "i4", (), "ticks", "age of the motor angles"),
             s("wrench_age_ticks", "i4", (), "ticks", "age of the wrench"),
@@ -119,6 +125,7 @@ def controller_table(dof: int) -> Table:
             s("fault_cause", "i4", (), "", "first condition that led to the fault, -1 for none"),
             s("stop_cause", "i4", (), "", "condition or command that ended the last motion, -1 for none"),
             s("kinematic_iterations", "i4", (), "", "Newton steps of the forward kinematics, -1 if it failed"),
+            s("detector_samples", "i4", (), "", "samples the detectors have of this insertion, of 97"),
             s("tick_ns", "i4", (), "ns", "time the tick took, from wake-up to the end of the record"),
             s("lateness_ns", "i4", (), "ns", "wake-up after the grid point"),
             s(
@@ -154,6 +161,13 @@ def controller_table(dof: int) -> Table:
             s("is_busy", "u1", (), "", "a motion or a routine is under way"),
             s("is_unbiased", "u1", (), "", "the force sensor's bias has been taken since the array was loaded"),
             s("array_loaded", "u1", (), "", "the operator has loaded an array"),
+            s(
+                "detector_flags",
+                "u1",
+                (),
+                "bits",
+                "1 watching, 2 blind, 4 phi_1 high, 8 phi_2 high, 16 buckled, 32 tip folded; all but 1 latched",
+            ),
             s(
                 "impedance_phase",
                 "u1",

@@ -1,6 +1,7 @@
 """Everything that shapes a run: one TOML file in, frozen dataclasses out.
 
-Read it with :func:`load`; override single keys with ``--set a.b=value`` (:func:`override`). Options marked
+Read it with :func:`load`; override single keys with ``--set a.b=value``, or those of a calibration with ``--set @FILE``
+(:func:`override`). Options marked
 live can be changed while the controller runs; :mod:`rtctl.parameters` turns them into the record the tick reads.
 """
 
@@ -8,7 +9,7 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from ipaddress import ip_address
 from pathlib import Path
@@ -17,7 +18,9 @@ from typing import Any
 from hal.errors import OptionError
 from hal.options import option, read, table_of
 from rtctl import robots
+from rtctl.guidance import detector_file
 from rtctl.guidance.impedance import layout, power_law
+from rtctl.guidance.layout import REACTIONS
 
 ARRAY_MATRIX = (
     (2.93695392269587e-03, -3.94085203728490e-02, 6.16973009198033e-03, -2.35843234791911e-04),
@@ -59,7 +62,11 @@ class BackendChoice:
 class Wrench:
     """Filter, gravity and bias of the force/torque sensor (D III.57, 05 section 1)."""
 
-    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="second-order Butterworth low-pass")
+    filter: str = option(
+        "butterworth", choices=("butterworth", "moving_average"), live=True, doc="low-pass of every component"
+    )
+    cutoff_hz: float = option(8.0, low=0.5, high=200.0, unit="Hz", live=True, doc="of the second-order Butterworth")
+    window_s: float = option(0.025, low=0.002, high=0.1, unit="s", live=True, doc="of the moving average")
     gravity_force_in_base_n: tuple[float, ...] = option(
         (0.0, 0.0, 0.0),
         shape=(3,),
@@ -224,6 +231,24 @@ class Electrode:
 
 
 @dataclass(frozen=True)
+class Guidance:
+    """Detection of buckling and of tip folding (03 sections 4 to 6)."""
+
+    detector: str = option("", doc="file of `rtctl detector train`; without one nothing is watched")
+    model: dict = option({}, doc="content of that file, put here when settings are read; leave it out")
+    tip_fold: str = option("warn", choices=tuple(REACTIONS), live=True, doc="reaction to a folding tip; retract: pause, and nothing but a retraction until the array is out")  # fmt: skip
+    buckling: str = option("warn", choices=tuple(REACTIONS), live=True, doc="reaction to buckling outside the cochlea")
+    margin: float = option(
+        0.75,
+        low=0.0,
+        high=1.0,
+        live=True,
+        doc="rho: share of the doubt about h that must be overcome to call it a fold",
+    )
+    two_sided: bool = option(False, live=True, doc="unusually low forces count as buckling, too, as printed in (VI.12)")
+
+
+@dataclass(frozen=True)
 class Impedance:
     """Guidance of the stylet by the bipolar impedance of the contacts (04 section 4)."""
 
@@ -242,7 +267,7 @@ class Impedance:
         (), shape=(-1,), low=-5000.0, high=5000.0, unit="ohm", doc="r of every pair, from `rtctl calibrate saline`"
     )
     left_out: tuple[float, ...] = option(
-        (), shape=(-1,), low=0, high=layout.PAIRS - 1, live=True, doc="pairs that never guide, the one at the tip is 0"
+        (), shape=(-1,), low=0, high=layout.PAIRS - 1, doc="pairs that never guide, the one at the tip is 0"
     )
     factor_ohm: float = option(power_law.FACTOR_OHM, low=1.0, high=1e4, unit="ohm", doc="a of z = a A^b + c, A in mm^2")
     exponent: float = option(power_law.EXPONENT, low=-3.0, high=-0.1, doc="b of the power law")
@@ -326,6 +351,7 @@ class Settings:
     homing: Homing
     safety: Safety
     electrode: Electrode
+    guidance: Guidance
     impedance: Impedance
     gateway: Gateway
     log: Log
@@ -338,23 +364,39 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Settings:
     Raises:
         OptionError: missing file, broken TOML, unknown key, wrong type or value out of bounds.
     """
-    file = find(path)
-    try:
-        table = tomllib.loads(file.read_text())
-    except OSError as error:
-        raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
+    table = _read(find(path))
     for assignment in overrides:
         override(table, assignment)
     return from_table(table)
 
 
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text())
+    except OSError as error:
+        raise OptionError("the settings file cannot be read", value=str(file), remedy=str(error.strerror)) from None
+    except ValueError as error:  # also of bytes that are no text, and of a name that is none
+        raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
+
+
 def from_table(table: Mapping[str, Any]) -> Settings:
     """Settings from a parsed table, checked as a whole."""
-    settings = read(Settings, table)
+    settings = _with_detector(read(Settings, table))
     _check(settings)
     return settings
+
+
+def _with_detector(settings: Settings) -> Settings:
+    """The settings with the content of the detector they name, so that whoever has the settings has that, too.
+
+    Raises DetectorError if it cannot be read, or is not one for this version.
+    """
+    guidance = settings.guidance
+    if guidance.detector and not guidance.model:
+        guidance = replace(guidance, model=detector_file.read_table(guidance.detector))
+    if guidance.model:
+        detector_file.from_table(guidance.model)
+    return replace(settings, guidance=guidance)
 
 
 def find(path: str | Path) -> Path:
@@ -370,10 +412,13 @@ def find(path: str | Path) -> Path:
 
 
 def override(table: dict[str, Any], assignment: str) -> None:
-    """Apply one ``a.b.c=value`` (TOML value; bare words are strings) to a parsed table."""
+    """Apply one ``a.b.c=value`` (TOML value; bare words are strings), or a TOML file as ``@FILE``, to a parsed table."""
+    if assignment.startswith("@"):
+        _put_on_top(table, _read(Path(assignment[1:])))
+        return
     key, sign, text = assignment.partition("=")
     if not sign or not key.strip():
-        raise OptionError("an override must read key=value", value=assignment, remedy="for instance loop.priority=70")
+        raise OptionError("an override must read key=value or @FILE", value=assignment, remedy="for instance loop.priority=70")  # fmt: skip
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -384,6 +429,16 @@ def override(table: dict[str, Any], assignment: str) -> None:
         if not isinstance(table, dict):
             raise OptionError(f"{key} is not inside a table", value=name, remedy="see `rtctl config show`")
     table[last] = value
+
+
+def _put_on_top(table: dict[str, Any], upper: Mapping[str, Any]) -> None:
+    """Every value of `upper` in its place in `table`; tables are merged, lists replaced."""
+    for name, value in upper.items():
+        below = table.get(name)
+        if isinstance(value, dict) and isinstance(below, dict):
+            _put_on_top(below, value)
+        else:
+            table[name] = value
 
 
 def public_table(settings: Settings) -> dict[str, Any]:
@@ -419,10 +474,23 @@ def _check(s: Settings) -> None:
     _check_impedance(s)
     if s.workflow.speed_mm_per_s > s.trajectory.depth_speed_mm_per_s:
         raise OptionError("workflow.speed_mm_per_s is faster than allowed", value=s.workflow.speed_mm_per_s, bound=f"at most trajectory.depth_speed_mm_per_s = {s.trajectory.depth_speed_mm_per_s}")  # fmt: skip
+    _check_guidance(s)
     if not s.robot.name.replace("-", "").replace("_", "").isalnum():
         raise OptionError("robot.name must be one word", value=s.robot.name, bound="letters, digits, - and _")
     if not _is_loopback(s.gateway.endpoint) and not (s.gateway.user and s.gateway.password):
         raise OptionError("gateway.endpoint is reachable from outside", value=s.gateway.endpoint, bound="loopback, or user and password", remedy="use tcp/127.0.0.1:PORT, or set gateway.user and gateway.password")  # fmt: skip
+
+
+def _check_guidance(s: Settings) -> None:
+    """Reactions need a detector."""
+    g = s.guidance
+    if g.detector:
+        return
+    if g.model:
+        raise OptionError("guidance.model belongs to a detector", remedy="name its file with guidance.detector, and leave out model")  # fmt: skip
+    for name in ("tip_fold", "buckling"):
+        if getattr(g, name) != "warn":
+            raise OptionError(f"guidance.{name} has nothing to react to", value=getattr(g, name), bound="warn without a detector", remedy="name one with guidance.detector")  # fmt: skip
 
 
 def _check_impedance(s: Settings) -> None:

@@ -11,6 +11,7 @@ from hal.frames import VALID
 from hal.kernel import kernel
 from rtctl import conditions, hlc, llc, trajectory, wrench
 from rtctl.commands import Reason, Verb
+from rtctl.guidance import watch
 from rtctl.guidance.impedance import law
 from rtctl.homing import home
 from rtctl.judge import judge
@@ -31,6 +32,7 @@ def tick(memory, sensors, actuators, record):
     know_force(memory, sensors, record)
     law.listen(memory, record)
     conditions.watch_inputs(memory.parameters, memory.state, sensors, record)
+    watch.watch(memory, record)
     decide(memory, sensors, record)
     if memory.state.homed and sensors.powered and memory.state.operating != Operating.FAULT:
         hlc.advance(memory, record)

@@ -18,18 +18,19 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from rtctl.report.force_reference import resistance
-from sim_backends.plant.options import Array, Bone, Phantom
-from studies.free_shapes import modal_model
-from studies.insertions import (
+from rtctl.guidance.force_model import resistance
+from rtctl.study.insertions import (
     AS_THE_SOURCES,
+    COUNTED,
     FULL_DEPTH_MM,
     LAMBDA,
     NO_CONTROL,
     WELL_REGISTERED,
     Insertions,
-    Laboratory,
 )
+from sim_backends.plant.options import Array, Bone, Phantom
+from studies.free_shapes import modal_model
+from studies.laboratory import Laboratory
 
 SENSOR_FLOOR_N = 0.004
 """beta: no deviation of the reference is taken to be smaller (03 section 1)."""
@@ -76,9 +77,8 @@ def figures(insertions: Insertions) -> dict[str, float]:
 
 def against_table(insertions: Insertions) -> np.ndarray:
     """Mean force over depth less that of Table V.2, in standard deviations of Table V.2, where it counts."""
-    counted = insertions.counted
-    mean, deviation = resistance(LAMBDA[counted] * FULL_DEPTH_MM)
-    return (np.nanmean(insertions.axial_n[:, counted], axis=0) - mean) / np.maximum(deviation, SENSOR_FLOOR_N)
+    mean, deviation = resistance(LAMBDA[COUNTED] * FULL_DEPTH_MM)
+    return (np.nanmean(insertions.axial_n[:, COUNTED], axis=0) - mean) / np.maximum(deviation, SENSOR_FLOOR_N)
 
 
 def misfit(specimen: str, insertions: Insertions) -> float:
@@ -99,7 +99,7 @@ def tell(specimen: str, insertions: Insertions) -> None:
         met = "" if np.isnan(target) else ("met" if abs(value - target) <= band else "NOT met")
         print(f"  {name:8s} {1e3 * value:6.1f} mN, target {1e3 * target:5.0f} +- {1e3 * band:.0f}  {met}")
     print(f"  post-AOS {1e3 * insertions.post_aos_n().mean():6.1f} mN, SD of the mean force {1e3 * insertions.mean_n().std(ddof=1):.1f} mN")  # fmt: skip
-    print(f"  folded {insertions.folded.sum()}, buckled {insertions.buckled.sum()}, ended early {sum(map(bool, insertions.failed))} of {len(insertions.failed)}")  # fmt: skip
+    print(f"  folded {insertions.folded.sum()}, buckled {insertions.buckled.sum()}, ended early {insertions.ended_early.sum()} of {len(insertions.each)}")  # fmt: skip
     if specimen == "phantom":
         z = against_table(insertions)
         inside = np.mean(np.abs(z) <= 1.0)

@@ -10,14 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rtctl.guidance.force_model import FULL_DEPTH_MM, resistance
 from rtctl.planner import plan_of
 from rtctl.recording import Recording
 from rtctl.report.cochlea_view import draw_truth, true_placement
-from rtctl.report.force_reference import FULL_DEPTH_MM, resistance
 from rtctl.report.style import BAND, BLUE, GREEN, GREY, ORANGE, RED, VIOLET, legend_above, picture
 from rtctl.settings import load
 from rtctl.simulation import simulate
-from studies.insertions import AS_THE_SOURCES, LAMBDA, NO_CONTROL, WELL_REGISTERED, Laboratory
+from rtctl.study.insertions import AS_THE_SOURCES, LAMBDA, NO_CONTROL, WELL_REGISTERED
+from studies.laboratory import Laboratory
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "pictures"
 BASE = (*WELL_REGISTERED, *AS_THE_SOURCES, *NO_CONTROL)

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import ttest_ind
 
-from studies.insertions import AS_THE_SOURCES, NO_CONTROL, WELL_REGISTERED, Insertions, Laboratory
+from rtctl.study.insertions import AS_THE_SOURCES, NO_CONTROL, WELL_REGISTERED, Insertions
+from studies.laboratory import Laboratory
 
 BASE = (*WELL_REGISTERED, *AS_THE_SOURCES)
 PHANTOM, BONE = "backend.options.trial.specimen=phantom", "backend.options.trial.specimen=bone"
@@ -81,15 +82,15 @@ def cases() -> list[Case]:
 def row(case: Case, found: Insertions, baseline: Insertions | None) -> str:
     """A row of the table."""
     mean = found.mean_n()
-    p = np.nan if baseline is None else ttest_ind(mean, baseline.mean_n(), equal_var=False, nan_policy="omit").pvalue
+    p = np.nan if baseline is None else ttest_ind(mean, baseline.mean_n(), equal_var=False).pvalue
     forces = " / ".join(
         f"{1e3 * np.nanmean(f):.0f}" for f in (found.post_aos_n(), found.peak_n(), found.lateral_mean_n())
     )
-    n = len(found.failed)
+    n = len(found.each)
     return (
         f"| {case.name} | {1e3 * np.nanmean(mean):.0f} ({1e3 * np.nanstd(mean, ddof=1):.0f}) / {forces} "
         f"| {'' if np.isnan(p) else f'{p:.3f}'} | {case.printed} | {100 * found.folded.mean():.0f} % | {100 * found.buckled.mean():.0f} % "
-        f"| {np.nanmax(found.correction_mm):.1f} | {sum(map(bool, found.failed))} of {n} |"
+        f"| {np.nanmax(found.largest_correction_mm):.1f} | {found.ended_early.sum()} of {n} |"
     )
 
 

@@ -9,6 +9,7 @@
 #include "path.hpp"
 #include "planar_3rpr.hpp"
 #include "profile.hpp"
+#include "wrench.hpp"
 #include "layout.hpp"
 
 namespace hlc {
@@ -153,7 +154,7 @@ void obey(Memory &memory, const Record &record) {
         leave_path(memory);
         profile::clear(memory.profile, state.tick);
     } else if (verb == Verb::SET_PARAMETERS) {
-        if (memory.staged_parameters.filter_b[0] != memory.parameters.filter_b[0]) state.filter_ready = 0;
+        if (wrench::is_other_filter(memory.staged_parameters, memory.parameters)) state.filter_ready = 0;
         memory.parameters = memory.staged_parameters;
     } else if (verb == Verb::REGISTER_ENTRY) {
         for (int i = 0; i < DOF; ++i) state.pose_entry[i] = state.pose[i];

@@ -207,9 +207,17 @@ void act(Memory &memory, const Sensors &sensors, Actuators &actuators, Record &r
     state.latched |= record.condition_active;
 }
 
+// What the detectors of rtctl/guidance/watch.py say where there is none, the only case compared.
+void leave_unwatched(Record &record) {
+    for (int i = 0; i < 2; ++i) record.buckling_integral[i] = record.buckling_bound[i] = NOT_KNOWN;
+    record.predicted_force_n = record.fold_decision = record.fold_bound = NOT_KNOWN;
+    record.detector_samples = 0;
+    record.detector_flags = 0;
+}
+
 // What rtctl/guidance/impedance/law.py says while it is off, the only case compared.
 void leave_unguided(Record &record) {
-    record.impedance_step_mm = record.impedance_jacobian_ohm_per_mm = NOT_KNOWN;
+    record.impedance_step_mm = record.impedance_jacobian_norm = NOT_KNOWN;
     record.impedance_offset_mm = 0.0;
     record.impedance_usable = 0;
     record.impedance_phase = 0;
@@ -253,6 +261,7 @@ void tick(Memory &memory, const Sensors &sensors, Actuators &actuators, Record &
     know_force(memory, sensors, record);
     leave_unguided(record);
     conditions::watch_inputs(memory.parameters, state, sensors, record);
+    leave_unwatched(record);
     decide(memory, sensors, record);
     if (state.homed && sensors.powered && state.operating != Operating::FAULT) {
         hlc::advance(memory, record);

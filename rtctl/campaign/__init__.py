@@ -30,7 +30,12 @@ class Standing:
 
 
 def run(
-    settings: Settings, seeds: range, file: Path, jobs: int = 1, report: Callable[[Standing], None] = lambda _: None
+    settings: Settings,
+    seeds: range,
+    file: Path,
+    jobs: int = 1,
+    report: Callable[[Standing], None] = lambda _: None,
+    logs: Path | None = None,
 ) -> Standing:
     """Simulate the insertion once for each of `seeds` that is not in the table yet, and append its row.
 
@@ -38,6 +43,7 @@ def run(
         file: the table, CSV; it is made, or goes on if it was begun with the same settings and kernels.
         jobs: processes to use.
         report: is told where the campaign is, before the first run and after each.
+        logs: folder to write the log of every run to, as SEED.mcap; rows that are there already get none.
 
     Raises:
         CampaignError: the file cannot be written, or holds something else; a process was killed.
@@ -49,10 +55,12 @@ def run(
     identity = {"config_hash": config_hash(settings), "kernel_hash": kernel_hash()}
     with Table(file, names, identity) as table:
         failed = sum(is_failure(table.known[seed]) for seed in seeds if seed in table.known)
+        if logs is not None:
+            logs.mkdir(parents=True, exist_ok=True)
         missing = [seed for seed in seeds if seed not in table.known]
         done = len(seeds) - len(missing)
         report(Standing(done, len(seeds), failed))
-        simulated = partial(row_of, settings, plan=plan_of(settings) if missing else None)
+        simulated = partial(row_of, settings, logs=logs, plan=plan_of(settings) if missing else None)
         with closing(results_of(simulated, missing, jobs)) as rows:
             for row in rows:
                 table.append(row)

@@ -1,6 +1,7 @@
 """One simulated insertion as one row: seed, how it ended, what was drawn, and the figures of its summary."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 from hal.errors import RtctlError
@@ -25,13 +26,16 @@ def columns(drawn: tuple[str, ...]) -> tuple[str, ...]:
     return (*first, *(f.name for f in FIGURES if f.name not in first and f.name not in MEASURED))
 
 
-def row_of(settings: Settings, seed: int, plan: Plan | None = None) -> Row:
+def row_of(settings: Settings, seed: int, plan: Plan | None = None, logs: Path | None = None) -> Row:
     """Simulate and summarise one insertion; one that fails is a row too, and says why.
 
-    plan: see :func:`rtctl.simulation.simulate`.
+    plan: see :func:`rtctl.simulation.simulate`. logs: folder for its log, which replaces that of a run that was cut off.
     """
+    log = None if logs is None else logs / f"{seed}.mcap"
+    if log is not None:
+        log.unlink(missing_ok=True)
     try:
-        result = simulate(settings, seed, plan=plan)
+        result = simulate(settings, seed, plan=plan, log=log)
     except RtctlError as error:
         identity = {"config_hash": config_hash(settings), "kernel_hash": kernel_hash()}
         return {"seed": str(seed), "outcome": NOT_RUN, "failure": _text(str(error))} | identity

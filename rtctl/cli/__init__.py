@@ -8,7 +8,19 @@ from typing import Any
 
 import typer
 
-from rtctl.cli import client, configuration, daemon, logs, motion, parameters, simulation, watching
+from rtctl.cli import (
+    calibrate,
+    client,
+    configuration,
+    daemon,
+    detector,
+    logs,
+    motion,
+    parameters,
+    simulation,
+    study,
+    watching,
+)
 from rtctl.cli.console import say_error
 from rtctl.cli.exit_codes import Exit, table
 
@@ -23,7 +35,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",
 )
-for family in (daemon, simulation, watching, client, motion, parameters, logs, configuration):
+for family in (
+    daemon, simulation, watching, client, motion, parameters, logs, configuration, calibrate, detector, study,
+):  # fmt: skip
     family.add_to(app)
 
 

@@ -19,14 +19,14 @@ LINE_S = 10.0
 """Time between two lines of progress where there is no terminal."""
 
 
-def run(settings: "Settings", seed: int, count: int, jobs: int, file: Path) -> Exit:
+def run(settings: "Settings", seed: int, count: int, jobs: int, file: Path, logs: Path | None) -> Exit:
     """Carry out a campaign and tell how it goes; failed insertions are rows, not a failure of the command."""
     from rtctl import campaign
 
     pace = Pace()
     try:
-        with _shown(pace) as report:
-            campaign.run(settings, range(seed, seed + count), file, jobs, report)
+        with shown(pace) as report:
+            campaign.run(settings, range(seed, seed + count), file, jobs, report, logs)
     except KeyboardInterrupt:
         if pace.now is not None:
             remark(f"rtctl: {pace.now.done} of {count} rows are in {file}; the same command goes on from there")
@@ -69,7 +69,8 @@ class Pace:
 
 
 @contextmanager
-def _shown(pace: Pace) -> "Iterator[Callable[[Standing], None]]":
+def shown(pace: Pace) -> "Iterator[Callable[[Standing], None]]":
+    """Progress on the side channel, as a bar where there is a terminal; yields what is to be called with each standing."""
     if side().is_terminal:
         with _bar(pace) as report:
             yield report

@@ -7,7 +7,9 @@ import typer
 CONFIG = Annotated[str, typer.Argument(help="Settings file, or the name of one that ships with rtctl.")]
 SET = Annotated[
     list[str] | None,
-    typer.Option("--set", help="Override one setting, as key=value; may be repeated.", metavar="KEY=VALUE"),
+    typer.Option(
+        "--set", help="Override one setting, or those in a TOML file, as @FILE; may be repeated.", metavar="KEY=VALUE"
+    ),
 ]
 SEED = Annotated[int, typer.Option(help="Seed of the simulation: noise, and scatter where it is on.", min=0)]
 ROBOT = Annotated[str, typer.Option(help="Name of the robot in every key.", envvar="RTCTL_ROBOT")]

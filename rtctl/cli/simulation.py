@@ -50,6 +50,10 @@ def sim(
             rich_help_panel=MANY,
         ),
     ] = None,
+    logs: Annotated[
+        Path | None,
+        typer.Option(help="Folder for their logs, SEED.mcap, 30 MB each.", file_okay=False, rich_help_panel=MANY),
+    ] = None,
     jobs: Annotated[
         int | None,
         typer.Option(min=1, max=1024, help="Processes to run them in; 1 by default.", rich_help_panel=MANY),
@@ -64,8 +68,8 @@ def sim(
 
     Example: `rtctl sim --count 200 --jobs 2 --specimen bone --to bone.csv`
     """
-    if count is None and (to or jobs):
-        raise typer.BadParameter("--to and --jobs belong to many insertions: give --count too")
+    if count is None and (to or jobs or logs):
+        raise typer.BadParameter("--to, --logs and --jobs belong to many insertions: give --count too")
     if count is not None and (json or log or report):
         raise typer.BadParameter("--json, --log and --report tell of one insertion: leave out --count, or them")
     if count is not None and (to is None or to.suffix == ".parquet"):
@@ -80,7 +84,7 @@ def sim(
     if count is not None and to is not None:
         from rtctl.cli import campaign
 
-        return campaign.run(chosen, seed, count, jobs or 1, to)
+        return campaign.run(chosen, seed, count, jobs or 1, to, logs)
     return one(chosen, seed, json, log, report)
 
 

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from rtctl.commands import Reason, Verb, explain
-from rtctl.lifecycle import TABLE, Condition, Operating, Reaction, Task
+from rtctl.lifecycle import TABLE, WARNINGS, Condition, Operating, Reaction, Task
 
 STREAMED = (Verb.SERVO_CP, Verb.SERVO_CV)
 """Verbs that come a hundred times a second: only their refusals are news."""
@@ -75,7 +75,7 @@ class Watcher:
                 text = say(condition, value, bound)
                 self.causes[condition] = text, entry.remedy
                 severity = "info" if entry.reaction is Reaction.NOTE else "error"
-                if entry.reaction is Reaction.STOP:
+                if entry.reaction is Reaction.STOP or condition in WARNINGS:
                     severity = "warning"
                 events.append(
                     self._event(row, "condition", text, entry.remedy, severity, _number(value), _number(bound))

@@ -59,7 +59,7 @@ def header_of(settings: Settings, seed: int, grade: int, first_tick: int) -> dic
         "backend": settings.backend.name,
         "grade": Grade(grade).name.lower().replace("_", "-"),
         "first_tick": str(first_tick),
-        "revision": _revision(),
+        "revision": revision(),
         "python": platform.python_version(),
         "machine": platform.platform(),
         **{f"package.{name}": version for name in PACKAGES if (version := _version(name))},
@@ -73,7 +73,7 @@ def _version(package: str) -> str:
         return ""
 
 
-def _revision() -> str:
+def revision() -> str:
     """Revision of the working copy we run from, with a + after it if it has changes; empty for an installation."""
     if not Path(ROOT, ".git").exists():
         return ""

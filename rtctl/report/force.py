@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from rtctl.report.force_reference import FULL_DEPTH_MM, resistance
+from rtctl.guidance.force_model import FULL_DEPTH_MM, resistance
 from rtctl.report.style import BAND, BLUE, GREY, INK, ORANGE, legend_above, picture, thin
 from rtctl.summary import INSERTION_SHARE, Run
 

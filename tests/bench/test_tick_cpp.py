@@ -184,6 +184,7 @@ def begin(settings, native, piece, skipped, seed):
     staged[:] = memory["parameters"]
     staged["number"], staged["stylet_on"], staged["project_first"], staged["lateral_limit_mm"] = 2, 1, 0, 0.02
     staged["filter_b"], staged["stylet_stroke_mm"] = staged["filter_b"] * 1.5, 3.0
+    staged["moving_average"], staged["window_ticks"] = seed % 2, 7 + seed
     twins = Twins(settings, native, memory, piece.sensors[:1])
     twins.tick = int(piece.records["tick"][0]) + skipped
     return twins, Adversary(seed, piece.sensors[skipped:])

@@ -12,7 +12,7 @@ from rtctl.memory import memory_dtype, parameters_dtype, profile_dtype, state_dt
 from rtctl.parameters import pack
 from rtctl.settings import Settings, from_table, load, table_of
 
-SETTINGS = load("planar-sim")
+SETTINGS = load("planar-sim", [f"impedance.bias_ohm={[0.0] * 21}"])  # or guidance could not be switched on
 ROBOT = robots.load(SETTINGS.robot.kind, SETTINGS.robot.geometry)
 
 
@@ -27,8 +27,9 @@ def packed(**changes):
 
 def test_every_field_is_a_finite_number_and_the_set_carries_its_number():
     p = packed()
-    for name in p.dtype.names:
-        assert np.isfinite(p[name]).all(), name
+    for part in (p, p["impedance_law"]):
+        for name in part.dtype.names:
+            assert part.dtype[name].names or np.isfinite(part[name]).all(), name
     assert p["number"] == 7
 
 
@@ -69,8 +70,10 @@ def test_every_live_option_changes_the_set(name, field):
         other = not value
     elif isinstance(value, tuple):
         other = [v + 0.25 for v in value]
+    elif isinstance(value, str):
+        other = next(word for word in field.metadata["choices"] if word != value)
     else:
-        other = value * 1.01 if value and value * 1.01 <= high and value * 1.01 >= low else (value + (low or 0)) / 2
+        other = value * 1.1 if value and value * 1.1 <= high and value * 1.1 >= low else (value + (low or 0)) / 2
     assert packed(**{f"{section}__{option}": other}).tobytes() != packed().tobytes()
 
 

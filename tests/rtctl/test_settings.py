@@ -37,6 +37,7 @@ DIMENSIONLESS = {
     "motor.screw_efficiency",
     "stylet.motor.screw_efficiency",
     "impedance.exponent",
+    "impedance.left_out",  # numbers of pairs
     "anatomy.friction",
     "array.curvature_error",
 }
@@ -154,13 +155,44 @@ def test_overrides_are_toml_values_and_bare_words_are_strings():
     assert settings.loop.cpu == 0
 
 
-@pytest.mark.parametrize("assignment", ["loop.priority", "=3", "loop.period_s.x=1", "loop.prioritt=1", ".=1", "a..b=2"])
+def test_a_fragment_is_put_on_top_in_its_place_among_the_overrides(tmp_path):
+    fragment = tmp_path / "gravity.toml"
+    fragment.write_text(
+        "[wrench]\nunbias_s = 0.7\ngravity_force_in_base_n = [0.1, 0.2, 0.3]\n[robot.geometry]\na_mm = [63, 63, 64]\n"
+    )
+    shipped, settings = load("planar-sim"), load("planar-sim", ["wrench.unbias_s=2.0", f"@{fragment}"])
+    assert settings.wrench.gravity_force_in_base_n == (0.1, 0.2, 0.3)
+    assert settings.wrench.unbias_s == 0.7
+    assert settings.wrench.centre_of_mass_in_sensor_mm == shipped.wrench.centre_of_mass_in_sensor_mm
+    assert settings.robot.geometry == {**shipped.robot.geometry, "a_mm": [63, 63, 64]}
+    assert load("planar-sim", [f"@{fragment}", "wrench.unbias_s=2.0"]).wrench.unbias_s == 2.0
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("[wrench]\nunbais_s = 1.0\n", "did you mean 'unbias_s'"),
+        ("[wrench\n", "not valid TOML"),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_bad_fragment_is_refused(tmp_path, content, message):
+    fragment = tmp_path / "fragment.toml"
+    if content is not None:
+        fragment.write_text(content)
+    with pytest.raises(OptionError, match=message):
+        load("planar-sim", [f"@{fragment}"])
+
+
+@pytest.mark.parametrize(
+    "assignment", ["loop.priority", "@", "@\x00", "=3", "loop.period_s.x=1", "loop.prioritt=1", ".=1", "a..b=2"]
+)
 def test_broken_overrides_are_refused(assignment):
     with pytest.raises(OptionError):
         load("planar-sim", [assignment])
 
 
-@given(st.text(max_size=30))
+@given(st.text(max_size=30) | st.text(max_size=30).map("@{}".format))
 def test_no_override_ends_in_anything_but_an_option_error(text):
     table = {"loop": {"priority": 70}}
     try:

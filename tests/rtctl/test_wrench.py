@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from hal.frames import INVALID, SATURATED, VALID, sensor_frame
 from hal.kernel import kernel
 from rtctl import wrench
-from rtctl.memory import parameters_dtype, state_dtype
+from rtctl.memory import WINDOW_MAX, parameters_dtype, state_dtype
 from rtctl.parameters import butterworth_low_pass
 from rtctl.record import controller_table
 
@@ -23,11 +23,12 @@ SENSOR_AXES = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 class Sensor:
     """The block with its memory; `feed` is one tick."""
 
-    def __init__(self, cutoff_hz=8.0, force=(0.0, 0.0, 0.0), centre=(0.0, 0.0, 0.0), unbias_ticks=100):
+    def __init__(self, cutoff_hz=8.0, force=(0.0, 0.0, 0.0), centre=(0.0, 0.0, 0.0), unbias_ticks=100, window=0):
         self.parameters, self.state = np.zeros(1, parameters_dtype(3)), np.zeros(1, state_dtype(3))
         self.sensors, self.record = np.zeros(1, sensor_frame(4)), np.zeros(1, controller_table(3).dtype)
         p = self.parameters[0]
         p["filter_b"], p["filter_a"] = butterworth_low_pass(cutoff_hz, 0.001)
+        p["moving_average"], p["window_ticks"] = window > 0, max(window, 1)
         p["gravity_force_in_base_n"], p["centre_of_mass_in_sensor_mm"] = force, centre
         p["unbias_ticks"] = unbias_ticks
         self.state["rotation"][0] = np.eye(3)
@@ -40,10 +41,24 @@ class Sensor:
         self.state["unbiased"], self.state["unbias_left"] = 0, self.parameters["unbias_ticks"]
         self.state["unbias_sum"] = 0.0
 
+    def swap(self, **changes):
+        """Other parameters from the next tick on, as the tick takes them over."""
+        staged = self.parameters.copy()
+        for name, value in changes.items():
+            staged[name] = value
+        if is_other_filter(staged, self.parameters):
+            self.state["filter_ready"] = 0
+        self.parameters = staged
+
     def feed(self, reading, validity=VALID):
         self.sensors["wrench_in_sensor"], self.sensors["wrench_validity"] = reading, validity
         compensate(self.parameters, self.state, self.sensors, self.record)
         return self.record["wrench_in_base"][0].copy()
+
+
+@kernel
+def is_other_filter(a, b):
+    return wrench.is_other_filter(a[0], b[0])
 
 
 @kernel
@@ -73,6 +88,67 @@ def test_the_filter_is_scipys_from_rest_at_the_first_sample(cutoff_hz):
     b, a = butter(2, cutoff_hz, fs=1000.0)
     filtered, _ = lfilter(b, a, readings, axis=0, zi=lfilter_zi(b, a)[:, None] * readings[0])
     assert got == pytest.approx(np.array([in_base(np.eye(3), f) for f in filtered]), abs=1e-12)
+
+
+@pytest.mark.parametrize("window", [1, 2, 25, WINDOW_MAX])
+def test_the_moving_average_is_the_mean_of_the_window_from_rest_at_the_first_sample(window):
+    readings = np.random.default_rng(4).normal(1.0, 0.5, (3 * window + 10, 6))
+    sensor = Sensor(window=window)
+    got = np.array([sensor.feed(r) for r in readings])
+    before = np.concatenate((np.repeat(readings[:1], window, axis=0), readings))
+    expected = np.array([before[k + 1 : k + 1 + window].mean(axis=0) for k in range(len(readings))])
+    assert got == pytest.approx(np.array([in_base(np.eye(3), f) for f in expected]), abs=1e-12)
+
+
+def test_the_step_response_of_the_moving_average_is_a_ramp_of_25_ms():
+    sensor = Sensor(window=25)
+    sensor.feed(np.zeros(6))
+    ramp = np.array([sensor.feed(np.ones(6))[0] for _ in range(40)])
+    assert ramp == pytest.approx(np.minimum(np.arange(1, 41) / 25, 1.0), abs=1e-12)
+
+
+def test_a_moving_average_does_not_remember_rounding():
+    """Large readings come and go for a thousand windows; what is left of them afterwards is nothing, not 1e-10 N."""
+    sensor = Sensor(window=25)
+    for r in np.random.default_rng(5).normal(0.0, 1e6, (25_000, 6)):
+        sensor.feed(r)
+    for _ in range(2 * 25):
+        left = sensor.feed(np.full(6, 1e-3))
+    assert left == pytest.approx(in_base(np.eye(3), np.full(6, 1e-3)), rel=1e-12, abs=0)
+
+
+FASTER = dict(zip(("filter_b", "filter_a"), butterworth_low_pass(40.0, 0.001), strict=True))
+
+
+@pytest.mark.parametrize("changes", [{"moving_average": 1}, {"moving_average": 1, "window_ticks": 10}, FASTER])
+def test_another_filter_begins_at_rest_at_its_first_sample(changes):
+    sensor = Sensor()
+    for _ in range(500):
+        sensor.feed(np.zeros(6))
+    sensor.swap(**changes)
+    assert sensor.feed(np.ones(6)) == pytest.approx(in_base(np.eye(3), np.ones(6)), abs=1e-12)
+
+
+def test_a_shorter_window_in_the_middle_of_a_lap_begins_anew():
+    sensor = Sensor(window=50)
+    for _ in range(30):
+        sensor.feed(np.zeros(6))
+    sensor.swap(window_ticks=5)
+    assert [round(sensor.feed(np.full(6, v))[0], 12) for v in (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)] == [
+        1,
+        0.8,
+        0.6,
+        0.4,
+        0.2,
+        0,
+    ]
+
+
+def test_parameters_that_filter_alike_leave_the_memory_alone():
+    sensor = Sensor(window=25)
+    sensor.feed(np.zeros(6))
+    sensor.swap(unbias_ticks=7)
+    assert sensor.feed(np.ones(6))[0] == pytest.approx(1 / 25)
 
 
 @given(seed=st.integers(0, 10_000))
@@ -127,9 +203,10 @@ def test_unbias_takes_the_mean_of_what_gravity_leaves():
     assert left == pytest.approx(np.zeros(6), abs=1e-9)
 
 
+@pytest.mark.parametrize("window", [0, 7])
 @pytest.mark.parametrize("validity", [INVALID, SATURATED])
-def test_invalid_samples_give_no_force_and_leave_the_filter_alone(validity):
-    sensor, undisturbed = Sensor(), Sensor()
+def test_invalid_samples_give_no_force_and_leave_the_filter_alone(validity, window):
+    sensor, undisturbed = Sensor(window=window), Sensor(window=window)
     readings = np.random.default_rng(1).normal(0, 1, (20, 6))
     for r in readings:
         sensor.feed(r)
@@ -140,8 +217,9 @@ def test_invalid_samples_give_no_force_and_leave_the_filter_alone(validity):
 
 @pytest.mark.parametrize("at", range(6))
 @pytest.mark.parametrize("ready", [False, True])
-def test_a_valid_sample_that_is_no_number_is_treated_as_invalid(at, ready):
-    sensor = Sensor()
+@pytest.mark.parametrize("window", [0, 25])
+def test_a_valid_sample_that_is_no_number_is_treated_as_invalid(at, ready, window):
+    sensor = Sensor(window=window)
     if ready:
         sensor.feed(np.ones(6))
     bad = np.ones(6)

@@ -36,7 +36,7 @@ def listen(memory, record):
         samples.take(law, store, record)
     record.impedance_usable = 0
     record.impedance_step_mm = store.step_mm if law.on else math.nan
-    record.impedance_jacobian_ohm_per_mm = store.jacobian_ohm_per_mm if law.on else math.nan
+    record.impedance_jacobian_norm = store.jacobian_ohm_per_mm if law.on else math.nan
     record.impedance_offset_mm = store.offset_mm if law.on else 0.0
     record.impedance_phase = store.phase if law.on else 0
 
@@ -69,7 +69,7 @@ def guide(memory, record):
         record.impedance_usable = bits
     store.depth_mm = depth
     record.impedance_step_mm, record.impedance_offset_mm = store.step_mm, store.offset_mm
-    record.impedance_jacobian_ohm_per_mm = store.jacobian_ohm_per_mm
+    record.impedance_jacobian_norm = store.jacobian_ohm_per_mm
     record.impedance_phase = store.phase
 
 

@@ -82,7 +82,7 @@ def test_on_a_terminal_there_is_a_bar(monkeypatch):
 
     screen = io.StringIO()
     monkeypatch.setattr(campaign, "side", lambda: Console(file=screen, force_terminal=True, width=120))
-    with campaign._shown(campaign.Pace()) as report:
+    with campaign.shown(campaign.Pace()) as report:
         report(Standing(0, 4, 0))
         report(Standing(4, 4, 1))
     assert "4/4" in screen.getvalue()

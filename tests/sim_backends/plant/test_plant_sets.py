@@ -5,7 +5,7 @@ import pytest
 
 from sim_backends.plant.options import Bone, Phantom
 from studies import fit_plant
-from studies.insertions import Laboratory
+from studies.laboratory import Laboratory
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def laboratory():
 def test_forces_without_control_are_within_the_bands(laboratory, specimen, kind):
     values = {name: getattr(kind(), name) for name in ("friction", "stylet_late_mm")}
     insertions = laboratory.insert(fit_plant.overrides(specimen, values), fit_plant.SEEDS[specimen])
-    assert not any(insertions.failed)
+    assert not insertions.ended_early.any()
     assert not insertions.folded.any()
     found = fit_plant.figures(insertions)
     for name, (value, band) in fit_plant.TARGETS[specimen].items():

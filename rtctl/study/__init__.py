@@ -1,0 +1,1 @@
+"""Studies that anyone can repeat: ``rtctl study``. They report what they find."""

@@ -1,0 +1,34 @@
+"""Insertions with many settings in the same processes, for fits: starting processes takes longer than an insertion."""
+
+import os
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+
+import numpy as np
+
+from rtctl.electrode.planning import Plan
+from rtctl.planner import plan_of
+from rtctl.settings import load
+from rtctl.study.insertions import Insertions, insert
+
+
+class Laboratory:
+    """Runs insertions with settings on top of `planar-sim`, in as many processes as there are cores."""
+
+    def __init__(self, jobs: int | None = None) -> None:
+        self._pool = ProcessPoolExecutor(jobs or os.cpu_count() or 1, get_context("spawn"))
+        self._plans: dict[bytes, Plan] = {}
+
+    def insert(self, overrides: Iterable[str], seeds: Iterable[int]) -> Insertions:
+        """One insertion for every seed."""
+        settings = load("planar-sim", overrides)
+        matrix = np.array(settings.electrode.modal_matrix).tobytes()
+        if matrix not in self._plans:
+            self._plans[matrix] = plan_of(settings)
+        return Insertions(self._pool.map(partial(insert, settings, self._plans[matrix]), seeds))
+
+    def close(self) -> None:
+        """End the processes."""
+        self._pool.shutdown(cancel_futures=True)
