@@ -18,6 +18,7 @@ from bench import (
     loop_cost,
     memory_growth,
     mujoco_cable,
+    planning_cost,
     rod_study,
     tick_cost,
     wake_up,
@@ -27,7 +28,7 @@ from bench.recorded import record_insertion
 from hal.errors import RtctlError
 from rtctl.settings import load
 
-SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance")
+SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance", "planning")
 STUDIES = ("rod", "robustness", "phenomena", "mujoco")
 """Of the array by itself; they take minutes, and only when asked for."""
 PARTS = SPEED + STUDIES
@@ -102,6 +103,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
         "wake-up": lambda: wake_up.measure(settings, arguments.rounds, arguments.seconds),
         "lockstep": lambda: lockstep_speed.measure(settings, SEED, pieces),
         "exchange": lambda: exchange_cost.measure(settings, pieces),
+        "planning": lambda: planning_cost.measure(settings),
         "guidance": lambda: guidance_cost.measure(settings, SEED),
         "rod": rod_study.measure_mesh,
         "robustness": rod_study.measure_robustness,

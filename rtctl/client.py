@@ -127,14 +127,17 @@ class Client:
         """Brake and hold; needs no lease."""
         return self.command(Verb.STOP)
 
-    def plan(self, timeout: float = 60.0) -> Reply:
-        """Have the insertion planned from the registered entry and loaded; takes seconds.
+    def plan(self, document: dict[str, Any] | None = None, timeout: float = 60.0) -> Reply:
+        """Have the insertion planned from the registered entry and loaded.
+
+        Args:
+            document: of :func:`rtctl.plan_file.document`; placed at the entry and loaded instead of planning anew.
 
         Raises:
             CommandRefused: there is no plan the robot can carry out, or it cannot be loaded now.
             NoReply: nobody answered within `timeout` seconds.
         """
-        return self._request("plan", {}, timeout_s=timeout)
+        return self._request("plan", {} if document is None else {"plan": document}, timeout_s=timeout)
 
     def status(self) -> dict[str, Any]:
         """Everything an operator wants to see at a glance."""

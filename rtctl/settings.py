@@ -18,6 +18,14 @@ from typing import Any
 from hal.errors import OptionError
 from hal.options import option, read, table_of
 from rtctl import robots
+from rtctl.electrode.patient import (
+    LARGEST_A_MM,
+    RECESS_ANGLE_RAD,
+    RECESS_CLEARANCE_MM,
+    SIDES,
+    SMALLEST_A_MM,
+    SPIRAL_A_MM,
+)
 from rtctl.guidance import detector_file
 from rtctl.guidance.impedance import layout, power_law
 from rtctl.guidance.layout import REACTIONS
@@ -231,6 +239,32 @@ class Electrode:
 
 
 @dataclass(frozen=True)
+class Cochlea:
+    """The planner's model of the patient (02 sections 1 and 5; II.1, II.2)."""
+
+    spiral_a_mm: float = option(
+        SPIRAL_A_MM, low=SMALLEST_A_MM, high=LARGEST_A_MM, unit="mm", doc="A of its spiral, which scales all of it"
+    )
+    side: str = option(
+        "right", choices=SIDES, doc="ear; for a left one the robot is mounted turned over about x of {B}"
+    )
+    recess_angle_rad: float = option(
+        RECESS_ANGLE_RAD,
+        low=0.1,
+        high=0.6,
+        unit="rad",
+        doc="the gripper turns, and the array passes the facial recess, so far to either side of the registered direction",
+    )
+    recess_clearance_mm: float = option(
+        RECESS_CLEARANCE_MM,
+        low=0.3,
+        high=10.0,
+        unit="mm",
+        doc="half width of the facial recess, which is where that cone is as wide",
+    )
+
+
+@dataclass(frozen=True)
 class Guidance:
     """Detection of buckling and of tip folding (03 sections 4 to 6)."""
 
@@ -351,6 +385,7 @@ class Settings:
     homing: Homing
     safety: Safety
     electrode: Electrode
+    cochlea: Cochlea
     guidance: Guidance
     impedance: Impedance
     gateway: Gateway

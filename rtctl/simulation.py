@@ -59,7 +59,7 @@ def simulate(
         log: where to write the run, a file that must not exist. A backend that could not solve a step leaves its state
             beside it.
         report: is told where the script is.
-        plan: of :func:`rtctl.planner.plan_of` for these settings, if it is known: a third of the time of a run.
+        plan: for these settings, if it is known: of :func:`rtctl.planner.plan_of`, or of a file.
 
     Raises:
         LogError: the log cannot be written.

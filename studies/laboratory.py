@@ -1,12 +1,10 @@
 """Insertions with many settings in the same processes, for fits: starting processes takes longer than an insertion."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
-
-import numpy as np
 
 from rtctl.electrode.planning import Plan
 from rtctl.planner import plan_of
@@ -19,15 +17,15 @@ class Laboratory:
 
     def __init__(self, jobs: int | None = None) -> None:
         self._pool = ProcessPoolExecutor(jobs or os.cpu_count() or 1, get_context("spawn"))
-        self._plans: dict[bytes, Plan] = {}
+        self._plans: dict[Hashable, Plan] = {}
 
     def insert(self, overrides: Iterable[str], seeds: Iterable[int]) -> Insertions:
         """One insertion for every seed."""
         settings = load("planar-sim", overrides)
-        matrix = np.array(settings.electrode.modal_matrix).tobytes()
-        if matrix not in self._plans:
-            self._plans[matrix] = plan_of(settings)
-        return Insertions(self._pool.map(partial(insert, settings, self._plans[matrix]), seeds))
+        models = settings.electrode, settings.cochlea
+        if models not in self._plans:
+            self._plans[models] = plan_of(settings)
+        return Insertions(self._pool.map(partial(insert, settings, self._plans[models]), seeds))
 
     def close(self) -> None:
         """End the processes."""

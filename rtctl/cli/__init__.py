@@ -17,6 +17,7 @@ from rtctl.cli import (
     logs,
     motion,
     parameters,
+    plan,
     simulation,
     study,
     watching,
@@ -36,7 +37,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, watching, client, motion, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, watching, client, motion, plan, parameters, logs, configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 

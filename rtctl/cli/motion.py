@@ -27,7 +27,6 @@ def add_to(app: typer.Typer) -> None:
     """Add the commands."""
     app.command(context_settings=NUMBERS, rich_help_panel=OPERATE)(move)
     app.command(context_settings=NUMBERS, rich_help_panel=OPERATE)(servo)
-    app.command(rich_help_panel=OPERATE)(plan)
     app.command(rich_help_panel=OPERATE)(approach)
     app.command(rich_help_panel=OPERATE)(insert)
     app.command(rich_help_panel=OPERATE)(retract)
@@ -79,16 +78,6 @@ def servo(
         operator.wait(lambda r: r["tick"] >= tick and not r["is_busy"], LONGEST_S)
     say(f"servo: done, {sent} commands in {seconds:g} s")
     return Exit.OK
-
-
-def plan(robot: ROBOT = DEFAULT_ROBOT, endpoint: ENDPOINT = DEFAULT_ENDPOINT) -> None:
-    """Plan the insertion from the registered entry and load the plan.
-
-    Example: `rtctl plan`
-    """
-    with connect(robot, endpoint) as client:
-        reply = client.plan()
-    say(f"plan {reply.result.get('number')} is in force from tick {reply.tick}")
 
 
 def approach(robot: ROBOT = DEFAULT_ROBOT, endpoint: ENDPOINT = DEFAULT_ENDPOINT, timeout: TIMEOUT = LONGEST_S) -> int:

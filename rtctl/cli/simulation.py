@@ -29,6 +29,9 @@ def sim(
     json: JSON = False,
     log: Annotated[Path | None, typer.Option(help="Write the run to this MCAP file.", dir_okay=False)] = None,
     report: Annotated[Path | None, typer.Option(help="Write report.html and pictures to this folder.")] = None,
+    plan: Annotated[
+        Path | None, typer.Option(help="Insert along the plan in this file instead of planning.", dir_okay=False)
+    ] = None,
     specimen: trial.SPECIMEN = None,
     size: trial.SIZE = None,
     side: trial.SIDE_OF_HEAD = None,
@@ -70,8 +73,8 @@ def sim(
     """
     if count is None and (to or jobs or logs):
         raise typer.BadParameter("--to, --logs and --jobs belong to many insertions: give --count too")
-    if count is not None and (json or log or report):
-        raise typer.BadParameter("--json, --log and --report tell of one insertion: leave out --count, or them")
+    if count is not None and (json or log or report or plan):
+        raise typer.BadParameter("--json, --log, --report and --plan are for one insertion: leave out --count, or them")
     if count is not None and (to is None or to.suffix == ".parquet"):
         raise typer.BadParameter("--count needs a table to write to, as CSV: --to FILE.csv")
     given = {
@@ -85,18 +88,21 @@ def sim(
         from rtctl.cli import campaign
 
         return campaign.run(chosen, seed, count, jobs or 1, to, logs)
-    return one(chosen, seed, json, log, report)
+    return one(chosen, seed, json, log, report, plan)
 
 
-def one(chosen: "Settings", seed: int, json: bool, log: Path | None, report: Path | None) -> int:
+def one(
+    chosen: "Settings", seed: int, json: bool, log: Path | None, report: Path | None, plan: Path | None = None
+) -> int:
     """Simulate one insertion and tell what it came to."""
     from json import dumps
 
-    from rtctl import summary
+    from rtctl import plan_file, summary
     from rtctl.simulation import simulate
 
+    known = None if plan is None else plan_file.known_plan(chosen, plan_file.load(plan))
     with shown(quiet=json) as progress:
-        result = simulate(chosen, seed, log=log, report=progress)
+        result = simulate(chosen, seed, log=log, report=progress, plan=known)
     if report is not None:
         from rtctl import report as reports
 

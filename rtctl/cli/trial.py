@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 PANEL = "Which insertion"
 BENCH = "backend.options"
 SIDE, GRAVITY = f"{BENCH}.trial.side", "wrench.gravity_force_in_base_n"
+WITH_SIDE = (SIDE, "cochlea.side", GRAVITY)
+"""What is another for the other ear: truth, the controller's model of the patient, and the weight it expects."""
 
 KEYS = {
     "--specimen": f"{BENCH}.trial.specimen",
@@ -39,7 +41,9 @@ SPECIMEN = Annotated[str | None, _option("--specimen", "What is inserted into.",
 SIZE = Annotated[float | None, _option("--size", "Size of the cochlea: A of its spiral, 3.2 to 4.6 mm.", "MM")]
 SIDE_OF_HEAD = Annotated[
     str | None,
-    _option("--side", f"Ear; the robot is turned over for a left one, and `{GRAVITY}` with it.", "right|left"),
+    _option(
+        "--side", f"Ear, `cochlea.side` too; the robot is turned over for a left one, and `{GRAVITY}`.", "right|left"
+    ),
 ]
 LATERAL = Annotated[float | None, _option("--lateral", "The entry is so far left of where it was registered.", "MM")]
 OUT_OF_PLANE = Annotated[float | None, _option("--out-of-plane", "The same, across the plane of insertion.", "MM")]
@@ -71,10 +75,11 @@ def settings_with(config: str, overrides: list[str], given: Mapping[str, Any]) -
     chosen = {option: value for option, value in given.items() if value is not None}
     written = list(overrides)
     for option, value in chosen.items():
-        for key in (KEYS[option], GRAVITY) if option == "--side" else (KEYS[option],):
+        for key in WITH_SIDE if option == "--side" else (KEYS[option],):
             _refuse_twice(option, key, overrides)
         written.append(f"{KEYS[option]}={to_toml(value)}")
     if "--side" in chosen:
+        written.append(f"cochlea.side={to_toml(chosen['--side'])}")
         before = load(config, overrides)
         if _side(before) != chosen["--side"]:
             x, y, z = before.wrench.gravity_force_in_base_n

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hal.errors import RtctlError
-from rtctl.electrode import cochlea
 from rtctl.electrode.array_shape import LENGTH_MM, ORDER, STYLET_MAX_MM, shape_point, tip
 from rtctl.electrode.insertion_cost import STEP_MM, insertion_cost
+from rtctl.electrode.patient import RECESS_ANGLE_RAD, TEMPLATE, Cochlea
 
 DEPTHS_MM = np.arange(0.0, 15.0 + STEP_MM / 2, STEP_MM)
 WALL_OF_PATH_DEG, WALL_OF_DISTANCE_DEG = 0.25, 1.0
@@ -25,9 +25,6 @@ CHORD_MM = 3.0
 
 APPROACH_RAD = math.radians(146.342)
 """phi_C, the gripper's mean orientation in {C}: 12 deg short of the insertion direction."""
-WINDOW_RAD = math.radians(17.0)
-"""The gripper may turn this far either way."""
-LOWEST_RAD, HIGHEST_RAD = APPROACH_RAD - WINDOW_RAD, APPROACH_RAD + WINDOW_RAD
 
 PROXIMAL = np.array([1e-3, 1e-3, 1e-1, 1e-3])
 """Weights of the change of (b_x, b_y, phi, q_s) since the last depth; they only decide between equal costs."""
@@ -39,14 +36,18 @@ Progress = Callable[[int, int], object]
 
 @dataclass(frozen=True)
 class Plan:
-    """Result of the planning over n = 31 depths.
+    """Result of the planning over n depths: 31, or fewer where the cochlea is too small for 15 mm.
 
-    depth_mm: depths (n,).
+    modal_matrix: A (4, 4) of the array it is for.
+    cochlea: the cochlea it is for.
+    depth_mm: depths (n,), every 0.5 mm from 0 on.
     pose_in_cochlea: gripper poses (n, 3): b_x, b_y [mm], phi [rad] of {E} in {C}.
     stylet_mm: stylet withdrawals (n,), non-decreasing.
     cost: (T^T T + U^T U) / 2 (n,) [mm^2], without the tie-break.
     """
 
+    modal_matrix: np.ndarray
+    cochlea: Cochlea
     depth_mm: np.ndarray
     pose_in_cochlea: np.ndarray
     stylet_mm: np.ndarray
@@ -58,50 +59,77 @@ class Plan:
         return np.sqrt(2 * self.cost / np.arange(1, len(self.cost) + 1))
 
 
-def plan_insertion(modal_matrix: np.ndarray, progress: Progress | None = None) -> Plan:
-    """The plan for a gripper that turns while it inserts (4 DoF); modal_matrix is A (4, 4) of the array.
+def plan_insertion(
+    modal_matrix: np.ndarray,
+    progress: Progress | None = None,
+    *,
+    cochlea: Cochlea = TEMPLATE,
+    window_rad: float = RECESS_ANGLE_RAD,
+) -> Plan:
+    """The plan for a gripper that turns while it inserts (4 DoF).
 
-    `progress(i, n)` is called after each of the n steps; what it raises ends the planning.
+    Args:
+        modal_matrix: A (4, 4) of the array.
+        progress: called as progress(i, n) after each of the n steps; what it raises ends the planning.
+        cochlea: of the patient.
+        window_rad: how far the gripper may turn to either side of its mean orientation phi_C.
 
     Raises:
         RtctlError: the modal matrix is not (4, 4) or not finite.
     """
-    problem, direction = _problem(modal_matrix)
-    phi = min(max(_free_start_angle(problem, direction), LOWEST_RAD), HIGHEST_RAD)
-    return _follow(problem, _tip_on_entry(problem, phi), (LOWEST_RAD, HIGHEST_RAD), progress or _silent)
+    problem, direction = _problem(modal_matrix, cochlea)
+    window = APPROACH_RAD - window_rad, APPROACH_RAD + window_rad
+    phi = min(max(_free_start_angle(problem, direction), window[0]), window[1])
+    return _plan(problem, cochlea, *_follow(problem, _tip_on_entry(problem, phi), window, progress or _silent))
 
 
 def plan_insertion_without_turning(modal_matrix: np.ndarray, progress: Progress | None = None) -> Plan:
     """The plan for a gripper of constant orientation (3 DoF): the best one in the window, by the summed cost.
 
-    Only a comparison. Its place b at depth 0 is that of the turning gripper, so the tip misses p_c there, and the miss
-    counts: this reproduces the reference figures of spec 02 section 5 (28 % less summed RMS by turning; 20 % if the tip
-    is put on p_c first).
+    Only a comparison, in the template's cochlea. Its place b at depth 0 is that of the turning gripper, so the tip
+    misses p_c there, and the miss counts: this reproduces the reference figures of spec 02 section 5 (28 % less summed
+    RMS by turning; 20 % if the tip is put on p_c first).
 
     Raises:
         RtctlError: as :func:`plan_insertion`.
     """
-    problem, direction = _problem(modal_matrix)
+    problem, direction = _problem(modal_matrix, TEMPLATE)
     start = _tip_on_entry(problem, _free_start_angle(problem, direction))
     report, total = progress or _silent, SCAN_ANGLES + SEARCH_ANGLES
     done = 0
 
-    def held_at(phi: float) -> Plan:
+    def held_at(phi: float) -> tuple[np.ndarray, np.ndarray]:
         return _follow(problem, np.array([start[0], start[1], phi, 0.0]), (phi, phi), _silent)
 
     def summed_cost(phi: float) -> float:
         nonlocal done
-        cost = float(held_at(phi).cost.sum())
+        cost = float(held_at(phi)[1].sum())
         done += 1
         report(done, total)
         return cost
 
-    angles = np.linspace(LOWEST_RAD, HIGHEST_RAD, SCAN_ANGLES)
+    angles = np.linspace(APPROACH_RAD - RECESS_ANGLE_RAD, APPROACH_RAD + RECESS_ANGLE_RAD, SCAN_ANGLES)
     best = int(np.argmin([summed_cost(phi) for phi in angles]))
     bounds = (angles[max(best - 1, 0)], angles[min(best + 1, SCAN_ANGLES - 1)])
     found = minimize_scalar(summed_cost, bounds=bounds, method="bounded", options={"maxiter": SEARCH_ANGLES})
     report(total, total)
-    return held_at(float(found.x))
+    return _plan(problem, TEMPLATE, *held_at(float(found.x)))
+
+
+def cost_of(plan: Plan) -> np.ndarray:
+    """The cost (n,) [mm^2] of every depth of `plan`, computed anew from its array, cochlea and poses.
+
+    Raises:
+        RtctlError: as :func:`plan_insertion`.
+    """
+    problem, _ = _problem(plan.modal_matrix, plan.cochlea)
+    states = np.column_stack((plan.pose_in_cochlea, plan.stylet_mm))
+    return np.array([insertion_cost(*problem, i, x, np.zeros(4), np.zeros((4, 4))) for i, x in enumerate(states)])
+
+
+def depths_mm(cochlea: Cochlea) -> np.ndarray:
+    """Depths (n,) that can be planned: every 0.5 mm to 15 mm, or to the end of the path of a small cochlea."""
+    return DEPTHS_MM[cochlea.path(WALL_OF_PATH_DEG).length_mm[-1] >= DEPTHS_MM]
 
 
 def _silent(_done: int, _total: int) -> None:
@@ -109,23 +137,23 @@ def _silent(_done: int, _total: int) -> None:
 
 
 class _Problem(NamedTuple):
-    """What stays the same over the depths."""
+    """What stays the same over the depths, as :func:`insertion_cost` takes it."""
 
     modal_matrix: np.ndarray
     path: np.ndarray
-    """Points (31, 2) of the insertion path, every 0.5 mm, in {C}."""
+    """Points (n, 2) of the insertion path, every 0.5 mm, in {C}."""
     wall: np.ndarray
     """Vertices (n, 2) of the modiolar wall in {C}."""
 
 
-def _problem(modal_matrix: np.ndarray) -> tuple[_Problem, float]:
+def _problem(modal_matrix: np.ndarray, cochlea: Cochlea) -> tuple[_Problem, float]:
     """The problem and the direction of insertion [rad]."""
     matrix = np.ascontiguousarray(modal_matrix, dtype=float)
     if matrix.shape != (ORDER, ORDER) or not np.isfinite(matrix).all():
         raise RtctlError("no insertion plan for this modal matrix", value=matrix.tolist(), bound="4 x 4 finite numbers")
-    path = cochlea.insertion_path(WALL_OF_PATH_DEG)
-    wall = cochlea.modiolar_polyline(WALL_OF_DISTANCE_DEG, cochlea.PATH_END_DEG)
-    return _Problem(matrix, path.points(DEPTHS_MM), wall), path.direction_rad
+    path = cochlea.path(WALL_OF_PATH_DEG)
+    wall = cochlea.modiolar_polyline(WALL_OF_DISTANCE_DEG)
+    return _Problem(matrix, path.points(depths_mm(cochlea)), wall), path.direction_rad
 
 
 def _free_start_angle(problem: _Problem, direction_rad: float) -> float:
@@ -142,21 +170,27 @@ def _tip_on_entry(problem: _Problem, phi: float) -> np.ndarray:
     return np.array([problem.path[0, 0] - c * x + s * y, problem.path[0, 1] - s * x - c * y, phi, 0.0])
 
 
-def _follow(problem: _Problem, start: np.ndarray, window: tuple[float, float], progress: Progress) -> Plan:
-    """Solve depth after depth from `start`."""
+def _follow(
+    problem: _Problem, start: np.ndarray, window: tuple[float, float], progress: Progress
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve depth after depth from `start`: states (n, 4) and costs (n,)."""
     lower = np.array([-np.inf, -np.inf, window[0], 0.0])
     upper = np.array([np.inf, np.inf, window[1], STYLET_MAX_MM])
     x, cost = start, _evaluate(problem, 0, start, start)[1]
-    states, costs = [x], [cost]
-    progress(1, len(DEPTHS_MM))
-    for i in range(1, len(DEPTHS_MM)):
+    states, costs, count = [x], [cost], len(problem.path)
+    progress(1, count)
+    for i in range(1, count):
         x, cost = _solve(problem, i, x, lower, upper)
         lower[3] = x[3]
         states.append(x)
         costs.append(cost)
-        progress(i + 1, len(DEPTHS_MM))
-    table = np.array(states)
-    return Plan(DEPTHS_MM.copy(), table[:, :3], table[:, 3], np.array(costs))
+        progress(i + 1, count)
+    return np.array(states), np.array(costs)
+
+
+def _plan(problem: _Problem, cochlea: Cochlea, states: np.ndarray, costs: np.ndarray) -> Plan:
+    depths = DEPTHS_MM[: len(costs)].copy()
+    return Plan(problem.modal_matrix, cochlea, depths, states[:, :3], states[:, 3], costs)
 
 
 def _solve(

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from hal.errors import RtctlError
-from rtctl.electrode import cochlea
 from rtctl.electrode.array_shape import STYLET_MAX_MM
 from rtctl.electrode.path import MAX_CHANNELS, MAX_KNOTS, PATH
+from rtctl.electrode.patient import TEMPLATE, Cochlea
 from rtctl.electrode.planning import APPROACH_RAD, Plan
 
 
@@ -21,10 +21,10 @@ def robot_path(plan: Plan, entry_pose_in_base: np.ndarray, number: int) -> np.nd
         number: number of the plan, for the records.
     """
     turn = entry_pose_in_base[2] - APPROACH_RAD
-    axis = cochlea.insertion_path().direction_rad + turn
+    axis = plan.cochlea.path().direction_rad + turn
     return pack(
         plan.depth_mm,
-        poses_in_base(plan.pose_in_cochlea, entry_pose_in_base),
+        poses_in_base(plan.pose_in_cochlea, entry_pose_in_base, plan.cochlea),
         plan.stylet_mm,
         entry_in_base=np.array([entry_pose_in_base[0], entry_pose_in_base[1], 0.0]),
         insertion_axis_in_base=np.array([math.cos(axis), math.sin(axis), 0.0]),
@@ -32,8 +32,13 @@ def robot_path(plan: Plan, entry_pose_in_base: np.ndarray, number: int) -> np.nd
     )
 
 
-def poses_in_base(poses_in_cochlea: np.ndarray, entry_pose_in_base: np.ndarray) -> np.ndarray:
-    """Gripper poses (n, 3) in {B} from those in {C}: p_B = p_entry + R(phi_entry - phi_C) (p_C - p_c)."""
+def poses_in_base(
+    poses_in_cochlea: np.ndarray, entry_pose_in_base: np.ndarray, cochlea: Cochlea = TEMPLATE
+) -> np.ndarray:
+    """Gripper poses (n, 3) in {B} from those in {C}: p_B = p_entry + R(phi_entry - phi_C) (p_C - p_c).
+
+    `cochlea` tells where its p_c is.
+    """
     turn = entry_pose_in_base[2] - APPROACH_RAD
     c, s = math.cos(turn), math.sin(turn)
     offset = poses_in_cochlea[:, :2] - cochlea.insertion_point()

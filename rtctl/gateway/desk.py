@@ -16,11 +16,12 @@ from rtctl.gateway import messages
 from rtctl.gateway.commander import VERDICT_S
 from rtctl.gateway.feedback import numbers, operating_state
 from rtctl.gateway.keys import CRTK_STATE_COMMANDS, REQUESTS, Key, Kind
-from rtctl.gateway.messages import CommandRequest, GetRequest, Reply, Request, SetRequest, StateRequest
+from rtctl.gateway.messages import CommandRequest, GetRequest, PlanRequest, Reply, Request, SetRequest, StateRequest
 from rtctl.gateway.refusal import Refusal, from_error
 from rtctl.gateway.run import Run
 from rtctl.gateway.staging import log_and_stage, next_number
 from rtctl.log.format import PARAMETERS, PLANS
+from rtctl.plan_file import from_document, known_plan
 from rtctl.planner import make_plan
 
 Answer = Callable[[Reply], None]
@@ -62,7 +63,7 @@ class Desk:
         if key.kind is Kind.VERB or key.kind is Kind.STATE_COMMAND:
             self._command(key, request, remaining_s, answer)
         elif key.kind is Kind.PLAN:
-            self._plan(request, answer)
+            self._plan(cast(PlanRequest, request), answer)
         else:
             handle = {
                 Kind.GET: self._get,
@@ -104,7 +105,7 @@ class Desk:
         run.tell("parameters", f"{request.source} set {', '.join(f'{k} = {v}' for k, v in values.items())}")
         return Reply(accepted=True, tick=tick, result={"number": number})
 
-    def _plan(self, request: Request, answer: Answer) -> None:
+    def _plan(self, request: PlanRequest, answer: Answer) -> None:
         entry = np.array(self._latest()["pose_entry"])
         if not np.isfinite(entry).all():
             raise Refusal("not_registered", *explain(Reason.NOT_REGISTERED, np.nan, np.nan))
@@ -118,22 +119,24 @@ class Desk:
         self._planner = work
         work.start()
 
-    def _compute_plan(self, request: Request, entry: np.ndarray) -> Reply:
+    def _compute_plan(self, request: PlanRequest, entry: np.ndarray) -> Reply:
         run = self._run
+        settings = run.parameters.settings
         try:
+            known = None if request.plan is None else known_plan(settings, from_document(request.plan))
             number = next_number(run.segment.plans, int(self._latest()["plan_number"]))
-            path = make_plan(run.parameters.settings, run.robot, entry, number, self._progress)
+            path = make_plan(settings, run.robot, entry, number, self._progress, known=known)
             run.lease.renew(request.lease, time.monotonic())
             content = {"number": number, "pose_entry": numbers(entry), **_readable(path)}
             tick = self._load(Verb.LOAD_PLAN, request, PLANS, content, run.segment.plans, path)
         except Cancelled:
             raise Refusal("stopping", "the controller is being stopped") from None
         except RtctlError as error:
-            raise from_error("no_plan_found", error) from None
+            raise from_error("no_plan_found" if request.plan is None else "plan_refused", error) from None
         finally:
             self._planned = ""
             self._planning.release()
-        run.tell("plan", f"plan {number} computed for {request.source}")
+        run.tell("plan", f"plan {number} {'computed for' if known is None else 'loaded by'} {request.source}")
         return Reply(accepted=True, tick=tick, result={"number": number})
 
     def _progress(self, done: int, total: int) -> None:

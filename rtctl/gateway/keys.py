@@ -71,7 +71,7 @@ REQUESTS: dict[str, Key] = {
     "load_array": Key(Kind.VERB, "an array is in the gripper", Verb.LOAD_ARRAY),
     "unload_array": Key(Kind.VERB, "the gripper is empty", Verb.UNLOAD_ARRAY),
     "unbias": Key(Kind.VERB, "the present force is zero", Verb.UNBIAS),
-    "plan": Key(Kind.PLAN, "compute and load the plan from the registered entry; takes seconds"),
+    "plan": Key(Kind.PLAN, "compute and load the plan from the registered entry, or load the document `plan` there"),
     "param/get": Key(Kind.GET, "values of `names`, all without names", lease=False),
     "param/set": Key(Kind.SET, "stage `values` as one set, checked together"),
     "param/list": Key(Kind.LIST, "every option: value, unit, bounds, live or not", lease=False),

@@ -69,6 +69,13 @@ class SetRequest(Request, frozen=True, kw_only=True):
     values: Annotated[dict[str, Any], msgspec.Meta(min_length=1)]
 
 
+class PlanRequest(Request, frozen=True, kw_only=True):
+    """Compute a plan, or load the one in `plan`."""
+
+    plan: dict[str, Any] | None = None
+    """the document of a plan file, see docs/reference/files.md"""
+
+
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The answer to a request."""
 
@@ -90,7 +97,7 @@ TYPES: dict[Kind, type[Request]] = {
     Kind.STATE_COMMAND: StateRequest,
     Kind.GET: GetRequest,
     Kind.SET: SetRequest,
-    Kind.PLAN: Request,
+    Kind.PLAN: PlanRequest,
     Kind.LIST: Request,
     Kind.LEASE: Request,
     Kind.STATUS: Request,

@@ -15,12 +15,9 @@ from rtctl.record import INPUTS, TIMING, controller_table
 from rtctl.reference.command_line import commands as help_of_commands
 from rtctl.reference.markdown import blanks, page, table
 from rtctl.reference.options import sections
-from rtctl.robots.planar_3rpr import Planar3rprOptions
+from rtctl.robots import GEOMETRIES
 from rtctl.settings import Settings
 from rtctl.summary import FIGURES
-
-GEOMETRIES = {"planar_3rpr": Planar3rprOptions}
-"""Options of every robot."""
 
 
 def settings() -> str:

@@ -12,8 +12,6 @@ from rtctl.log.format import LogError
 from rtctl.recording import Recording, logs_in, open_recording
 from rtctl.report import cochlea_view, force, motion, page, path, style, timing
 
-DOTS_PER_INCH = 200
-
 
 def write(run_directory: str | Path, *, figures: bool = True) -> dict[str, Any]:
     """Report on the logs in a run's folder, beside them; returns the summary.
@@ -44,7 +42,7 @@ def render(
         shown.append(page.Picture(title, style.svg(figure), caption, figure.get_figheight()))
         if figures:
             (directory / "figures").mkdir(exist_ok=True)
-            figure.savefig(directory / "figures" / f"{name}.png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+            style.save(figure, directory / "figures" / f"{name}.png")
     (directory / "report.html").write_text(page.page(recording, summary, shown), encoding="utf-8")
     return summary
 

@@ -1,23 +1,34 @@
 """The array in the cochlea at five depths."""
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from rtctl.electrode import cochlea
-from rtctl.electrode.array_shape import shape_points
-from rtctl.electrode.planning import APPROACH_RAD
-from rtctl.report.style import BAND, BLUE, FAINT, GREY, INK, ORANGE, RED, picture
+from rtctl.planner import cochlea_of
+from rtctl.report.scala import (
+    Placement,
+    draw_array,
+    draw_entry,
+    draw_gripper,
+    draw_scala,
+    frame,
+    model_array,
+    plain,
+)
+from rtctl.report.style import BLUE, FAINT, GREY, INK, ORANGE, RED, picture
 from rtctl.summary import Run
 
 MODEL_CAPTION = (
     "Looking onto the plane of insertion. Shaded: the scala tympani where the controller believes it is, placed by the "
     "registered entry. Orange: its model of the array, free of contact, at the measured gripper and stylet."
+)
+LEFT_CAPTION = (
+    " A left ear: the robot is mounted turned over, and {B} shows it from below, where it looks like a right one."
 )
 TRUE_CAPTION = (
     " Dashed and blue: where the scala and the array truly are in this simulation. Lines are the array's modiolar edge; "
@@ -25,16 +36,14 @@ TRUE_CAPTION = (
 )
 SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
 """The five depths, as shares of the deepest."""
-WALL_END_DEG, WALL_STEP_DEG = 480.0, 2.0
-MODEL_POINTS = 73
-MARGIN_MM = 1.0
 MM_PER_N, LEAST_N = 20.0, 5e-4
 """Length of a force in the picture, and the least one that is drawn."""
 
 
 def caption(run: Run) -> str:
     """What the picture shows, which depends on whether the truth is known."""
-    return MODEL_CAPTION + (TRUE_CAPTION if _true_rows(run) is not None else "")
+    left = LEFT_CAPTION if run.recording.settings.cochlea.side == "left" else ""
+    return MODEL_CAPTION + left + (TRUE_CAPTION if _true_rows(run) is not None else "")
 
 
 def draw(run: Run) -> Figure | None:
@@ -42,34 +51,30 @@ def draw(run: Run) -> Figure | None:
     entry = run.records["pose_entry"][-1]
     if len(run.inserting) < 2 or len(entry) != 3 or not np.isfinite(entry).all():
         return None
-    place = Placement.of_registration(entry)
+    place = Placement.of_registration(entry, cochlea_of(run.recording.settings))
     truth = _true_rows(run)
     true_place = true_placement(run.recording.truths)
     picks = [int(np.argmax(run.inserting["depth_mm"] >= share * run.depth_mm - 1e-9)) for share in SHARES]
     walls = place.walls()
-    low, high = np.min(np.vstack(walls), axis=0), np.max(np.vstack(walls), axis=0)
 
     def on(figure: Figure) -> None:
         panels = figure.subplots(3, 2).ravel()
         for axes, k in zip(panels, [*picks, picks[-1]], strict=True):
             row = run.inserting[k]
-            _scala(axes, walls)
+            draw_scala(axes, walls)
             if true_place is not None:
                 for wall in true_place.walls():
                     axes.plot(*wall.T, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
-            _array(axes, _model_array(run, row), ORANGE, 1.3)
+            draw_array(axes, _model_array(run, row), ORANGE, 1.3)
             if truth is not None:
                 draw_truth(axes, truth(int(row["tick"])))
-            axes.plot(*place.entry_mm, marker="o", color=INK, markersize=3.5, markerfacecolor="white", zorder=3)
-            axes.set_aspect("equal")
-            axes.grid(visible=False)
-            axes.tick_params(labelsize=7.5)
+            draw_entry(axes, place.entry_mm)
+            plain(axes)
         for axes, k in zip(panels, picks, strict=False):
             row = run.inserting[k]
-            axes.set_xlim(low[0] - 2.2 * MARGIN_MM, high[0] + MARGIN_MM)
-            axes.set_ylim(low[1] - MARGIN_MM, high[1] + MARGIN_MM)
+            frame(axes, walls)
             axes.set_title(f"{row['depth_mm']:.1f} mm, stylet {row['stylet_measured_mm']:.1f} mm", loc="left")
-        _gripper(panels[-1], run.inserting[picks[-1]]["pose_measured"])
+        draw_gripper(panels[-1], run.inserting[picks[-1]]["pose_measured"])
         panels[-1].set_title("with the gripper", loc="left")
         panels[-1].autoscale()
         panels[-1].margins(0.06)
@@ -94,31 +99,6 @@ def draw(run: Run) -> Figure | None:
     return picture(on, 7.4)
 
 
-class Placement:
-    """Where a cochlea lies in {B}: its entry [mm], the turn [rad] from {C} to {B}, its size against the template's."""
-
-    def __init__(self, entry_mm: np.ndarray, turn_rad: float, scale: float = 1.0) -> None:
-        self.entry_mm, self.turn_rad, self.scale = np.asarray(entry_mm, dtype=float), turn_rad, scale
-
-    @classmethod
-    def of_registration(cls, pose_entry: np.ndarray) -> "Placement":
-        """Where the controller believes it to be, from the registered gripper pose (3,)."""
-        return cls(pose_entry[:2], float(pose_entry[2]) - APPROACH_RAD)
-
-    def to_base(self, points_in_cochlea: np.ndarray) -> np.ndarray:
-        """Points (n, 2) in {B} [mm]."""
-        c, s = math.cos(self.turn_rad), math.sin(self.turn_rad)
-        turned = (points_in_cochlea - cochlea.insertion_point()) @ np.array([[c, s], [-s, c]])
-        return self.entry_mm + self.scale * turned
-
-    def walls(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lateral and modiolar wall (n, 2) in {B} [mm]."""
-        return (
-            self.to_base(cochlea.lateral_polyline(WALL_STEP_DEG, WALL_END_DEG)),
-            self.to_base(cochlea.modiolar_polyline(WALL_STEP_DEG, WALL_END_DEG)),
-        )
-
-
 def true_placement(truths: np.ndarray | None) -> Placement | None:
     """Where a simulated cochlea really is, if the truths (n,) tell."""
     if truths is None or not len(truths) or "cochlea_scale" not in (truths.dtype.names or ()):
@@ -139,42 +119,17 @@ def _true_rows(run: Run) -> Callable[[int], np.void] | None:
 def _model_array(run: Run, row: np.void) -> np.ndarray:
     """The controller's array (n, 2) in {B} [mm] at the measured gripper pose and stylet withdrawal."""
     electrode = run.recording.settings.electrode
-    along = np.linspace(0.0, electrode.length_mm, MODEL_POINTS)
-    points = np.empty((MODEL_POINTS, 2))
-    shape_points(np.array(electrode.modal_matrix), float(row["stylet_measured_mm"]), along, points)
-    x, y, phi = row["pose_measured"]
-    c, s = math.cos(phi), math.sin(phi)
-    return np.array([x, y]) + points @ np.array([[c, s], [-s, c]])
-
-
-def _scala(axes: Axes, walls: tuple[np.ndarray, np.ndarray]) -> None:
-    """The channel between the walls, piece by piece because its turns pass inside each other."""
-    lateral, modiolar = walls
-    pieces = np.stack((lateral[:-1], lateral[1:], modiolar[1:], modiolar[:-1]), axis=1)
-    axes.add_collection(PolyCollection(list(pieces), facecolors=BAND, edgecolors=BAND, linewidths=0.4, zorder=0.5))
-    for wall in walls:
-        axes.plot(*wall.T, color=FAINT, linewidth=1.4, zorder=0.8)
-
-
-def _array(axes: Axes, points: np.ndarray, colour: str, width: float) -> None:
-    axes.plot(*points.T, color=colour, linewidth=width, solid_capstyle="round")
-    axes.plot(*points[-1], marker="x", color=RED if width > 2 else colour, markersize=4)
+    matrix, stylet = np.array(electrode.modal_matrix), float(row["stylet_measured_mm"])
+    return model_array(matrix, electrode.length_mm, row["pose_measured"], stylet)
 
 
 def draw_truth(axes: Axes, truth: np.void, width: float = 2.4) -> None:
     """The true array and, where they are known, the forces on it."""
     points = truth["array_node_in_base_mm"].reshape(-1, 2)
-    _array(axes, points, BLUE, width)
+    draw_array(axes, points, BLUE, width)
     if "contact_force_in_base_n" not in (truth.dtype.names or ()):
         return
     forces = truth["contact_force_in_base_n"].reshape(-1, 2)
     felt = np.linalg.norm(forces, axis=1) > LEAST_N
     lines = np.stack((points[felt], points[felt] + MM_PER_N * forces[felt]), axis=1)
     axes.add_collection(LineCollection(list(lines), colors=RED, linewidths=1.0, zorder=2.6))
-
-
-def _gripper(axes: Axes, pose: np.ndarray) -> None:
-    """A bar behind the grip ribs."""
-    x, y, phi = pose
-    back = np.array([x, y]) - 6.0 * np.array([math.cos(phi), math.sin(phi)])
-    axes.plot([back[0], x], [back[1], y], color=INK, linewidth=5, solid_capstyle="butt")

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -10,10 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from hal.errors import RtctlError
+
 BLUE, ORANGE, GREEN, RED, VIOLET = "#1b5fa6", "#d9740f", "#2a8a57", "#c0392b", "#7a4fa3"
 INK, GREY, FAINT, BAND = "#22303c", "#7b8794", "#d6dce2", "#e9eef4"
 WIDTH_IN = 5.4
 """On a telephone a picture is shown about this wide, so its letters keep their size."""
+DOTS_PER_INCH = 200
 POINTS = 1500
 """A curve is drawn with about so many points."""
 
@@ -58,6 +62,23 @@ def svg(figure: Figure) -> str:
         FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     return text[text.index("<svg") :]
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure to a file, .svg or .png.
+
+    Raises:
+        RtctlError: another suffix, or the file cannot be written.
+    """
+    try:
+        if path.suffix == ".svg":
+            path.write_text('<?xml version="1.0" encoding="utf-8"?>\n' + svg(figure), encoding="utf-8")
+        elif path.suffix == ".png":
+            figure.savefig(path, dpi=DOTS_PER_INCH, metadata={"Software": None})
+        else:
+            raise RtctlError("a picture is .svg or .png", value=str(path), remedy="give the file one of these endings")
+    except OSError as error:
+        raise RtctlError("the picture cannot be written", value=str(path), remedy=str(error.strerror)) from None
 
 
 def thin(values: np.ndarray) -> slice:

@@ -1,17 +1,25 @@
 """The robots there are. Adding one is a file in this folder and a line in `KINDS`."""
 
+import hashlib
+import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from hal.errors import OptionError
+from hal.options import read, table_of
 from rtctl.robots import planar_3rpr
 from rtctl.robots.robot import Robot, RobotError
 
-__all__ = ["KINDS", "Robot", "RobotError", "load"]
+__all__ = ["GEOMETRIES", "KINDS", "Robot", "RobotError", "fingerprint", "load"]
 
 KINDS: dict[str, Callable[[Mapping[str, Any]], Robot]] = {
     "planar_3rpr": planar_3rpr.load,
 }
+
+GEOMETRIES: dict[str, type] = {
+    "planar_3rpr": planar_3rpr.Planar3rprOptions,
+}
+"""Options of every robot: its geometry and limits."""
 
 
 def load(kind: str, options_table: Mapping[str, Any]) -> Robot:
@@ -24,3 +32,14 @@ def load(kind: str, options_table: Mapping[str, Any]) -> Robot:
     if kind not in KINDS:
         raise OptionError("unknown robot", value=kind, bound=" | ".join(KINDS), remedy="set robot.kind")
     return KINDS[kind](options_table)
+
+
+def fingerprint(kind: str, options_table: Mapping[str, Any]) -> str:
+    """Sixteen hex digits of geometry and limits, defaults included: equal for robots that are modelled equally.
+
+    Raises:
+        OptionError: as :func:`load`.
+    """
+    load(kind, options_table)
+    options = table_of(read(GEOMETRIES[kind], options_table, "robot.geometry"))
+    return hashlib.sha256(json.dumps([kind, options], sort_keys=True).encode()).hexdigest()[:16]

@@ -53,14 +53,16 @@ WITH_COMMANDS = [p for p in WRITTEN if console(p)]
 def workplace(tmp_path, monkeypatch):
     """An empty folder to work in, and plans that are computed once in all tests."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(planner, "plan_insertion", lambda matrix, *_: remembered(matrix.tobytes()))
+    monkeypatch.setattr(
+        planner, "plan_insertion", lambda matrix, *_, **patient: remembered(matrix.tobytes(), **patient)
+    )
 
 
 @cache
-def remembered(matrix: bytes):
+def remembered(matrix: bytes, **patient):
     from rtctl.electrode.planning import plan_insertion
 
-    return plan_insertion(np.frombuffer(matrix).reshape(4, 4))
+    return plan_insertion(np.frombuffer(matrix).reshape(4, 4), **patient)
 
 
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=name)

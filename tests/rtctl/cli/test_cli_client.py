@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from rtctl.cli import child, client, main, motion, parameters, watching
+from rtctl.cli import child, client, main, motion, parameters, plan, watching
 from rtctl.cli.exit_codes import Exit
 from rtctl.cli.parameters import assignment
 from rtctl.client import NoReply, Reply
@@ -50,8 +50,8 @@ class FakeClient:
         self.stopped += 1
         return Reply(tick=5)
 
-    def plan(self):
-        self.sent.append(("plan",))
+    def plan(self, document=None):
+        self.sent.append(("plan",) if document is None else ("plan", document))
         return Reply(tick=5, result={"number": 1})
 
     def status(self):
@@ -84,7 +84,7 @@ def record(tick: int, **fields) -> np.void:
 @pytest.fixture
 def robot(monkeypatch) -> FakeClient:
     fake = FakeClient()
-    for module in (client, motion, parameters, watching):
+    for module in (client, motion, plan, parameters, watching):
         monkeypatch.setattr(module, "connect", lambda *_: fake)
     return fake
 

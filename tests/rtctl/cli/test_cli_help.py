@@ -48,7 +48,14 @@ def test_every_verb_of_the_readme_exists():
     assert {("param", w) for w in ("get", "set", "list")} | {("log", w) for w in ("info", "plot", "recover")} <= set(
         ALL
     )
-    assert {("config", "check"), ("config", "show"), ("warmup",), ("plan",), ("register",)} <= set(ALL)
+    assert {
+        ("config", "check"),
+        ("config", "show"),
+        ("warmup",),
+        ("plan", "make"),
+        ("plan", "load"),
+        ("register",),
+    } <= set(ALL)
 
 
 @pytest.mark.parametrize("words", ALL, ids=" ".join)

@@ -43,16 +43,18 @@ def test_for_the_other_ear_the_controller_knows_that_it_is_turned_over():
     right, left = (settings_with("planar-sim", [], {"--side": side}) for side in ("right", "left"))
     assert right == load("planar-sim", [f"{SIDE}=right"])
     x, y, z = right.wrench.gravity_force_in_base_n
-    assert left == load("planar-sim", [f"{SIDE}=left", f"{GRAVITY}=[{x}, {-y}, {-z}]"])
+    assert left == load("planar-sim", [f"{SIDE}=left", "cochlea.side=left", f"{GRAVITY}=[{x}, {-y}, {-z}]"])
 
 
 def test_a_file_for_a_left_ear_has_its_gravity_already(tmp_path):
     file = tmp_path / "left.toml"
-    file.write_text("[backend.options.trial]\nside = 'left'\n[wrench]\ngravity_force_in_base_n = [0.1, 0.4, 1.4]\n")
+    file.write_text(
+        "[cochlea]\nside = 'left'\n[backend.options.trial]\nside = 'left'\n[wrench]\ngravity_force_in_base_n = [0.1, 0.4, 1.4]\n"
+    )
     kept, turned = (settings_with(str(file), [], {"--side": side}) for side in ("left", "right"))
     assert kept == load(file)
     assert turned.wrench.gravity_force_in_base_n == (0.1, -0.4, -1.4)
-    assert turned.backend.options["trial"]["side"] == "right"
+    assert turned.backend.options["trial"]["side"] == turned.cochlea.side == "right"
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,13 @@ from rtctl.electrode import cochlea
 from rtctl.electrode.insertion_cost import insertion_cost
 from rtctl.electrode.planning import (
     APPROACH_RAD,
-    HIGHEST_RAD,
-    LOWEST_RAD,
     plan_insertion,
     plan_insertion_without_turning,
 )
 from rtctl.electrode.synthetic_arrays import modal_matrix
 
 NUMBERS = range(1, 8)
+LOWEST_RAD, HIGHEST_RAD = APPROACH_RAD - np.radians(17), APPROACH_RAD + np.radians(17)
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 
+from rtctl import plan_file
 from rtctl.client import NoReply
 from rtctl.commands import CommandRefused, Verb
 from rtctl.electrode.path import PATH
@@ -22,7 +23,7 @@ from rtctl.log.format import LogError
 from rtctl.log.reader import Log, open_many
 from rtctl.memory import parameters_dtype
 from rtctl.parameters import pack
-from rtctl.planner import make_plan
+from rtctl.planner import make_plan, plan_of
 
 
 def eventually(condition, timeout_s=5.0):
@@ -159,6 +160,26 @@ def test_a_plan_needs_an_entry_and_is_computed_beside_the_heartbeat(world):
     log = Log.open(world.directory / "log.mcap")
     assert [p["number"] for p in log.plans] == [1, 2]
     assert np.frombuffer(base64.b64decode(log.plans[0]["record_base64"]), PATH).tobytes() == expected.tobytes()
+
+
+def test_a_plan_of_a_file_is_placed_at_the_registered_entry_or_refused(world):
+    client = world.client()
+    client.command(Verb.ENABLE)
+    plan, entry = plan_of(world.settings), np.array(world.settings.workflow.entry_pose_mm_rad)
+    content = plan_file.document(plan_file.describe(world.settings, plan, entry + 0.01))
+    with pytest.raises(CommandRefused) as refused:
+        client.plan(content)
+    assert refused.value.reason == "not_registered"
+    client.command(Verb.REGISTER_ENTRY)
+    assert client.plan(content).result["number"] == 1
+    assert world.real_time.plan.tobytes() == make_plan(world.settings, world.robot, entry, 1).tobytes()
+    for wrong in (content | {"version": 2}, content | {"cochlea": {"spiral_a_mm": 4.0, "side": "right"}}, {}):
+        with pytest.raises(CommandRefused) as refused:
+            client.plan(wrong)
+        assert refused.value.reason == "plan_refused"
+        assert "rtctl plan make" in refused.value.remedy
+    assert world.real_time.plan[0]["number"] == 1
+    assert client.plan().result["number"] == 2  # planning is free again
 
 
 def test_stop_works_while_a_plan_is_computed_and_a_second_plan_has_to_wait(world):

@@ -9,7 +9,7 @@ from rtctl.electrode import cochlea
 from rtctl.electrode.planning import APPROACH_RAD
 from rtctl.electrode.robot_path import poses_in_base
 from rtctl.guidance.force_model import FULL_DEPTH_MM, resistance
-from rtctl.report.cochlea_view import Placement
+from rtctl.report.scala import Placement
 
 
 def test_reference_forces_have_the_values_of_the_specification():
