@@ -89,6 +89,9 @@ class Condition(enum.IntEnum):
     TIP_FOLD = 21
     TIP_FOLD_WARNING = 22
     DETECTOR_BLIND = 23
+    IMPEDANCE_SILENT = 24
+    IMPEDANCE_UNUSABLE = 25
+    IMPEDANCE_LOST = 26
 
 
 @dataclass(frozen=True)
@@ -125,6 +128,9 @@ TABLE: dict[Condition, Row] = {
     Condition.TIP_FOLD: Row(Reaction.PAUSE, "the tip of the array folds: h is {value:.3g} (normal above {bound:.3g})", "retract, and look where the stylet is; `resume` is possible if guidance.tip_fold is \"pause\""),
     Condition.TIP_FOLD_WARNING: Row(Reaction.NOTE, "the tip of the array may fold: h is {value:.3g} (normal above {bound:.3g})", "pause the insertion, and look where the stylet is"),
     Condition.DETECTOR_BLIND: Row(Reaction.NOTE, "the detectors cannot watch this insertion: at {value:.3g} mm no force is known from {bound:.3g} mm on", "insert from the entry, unbiased, if you want it watched"),
+    Condition.IMPEDANCE_SILENT: Row(Reaction.NOTE, "impedance guidance stands still: no valid sample for {value:.0f} ticks (limit {bound:.0f})", "check the implant's telemetry; the plan goes on without it"),
+    Condition.IMPEDANCE_UNUSABLE: Row(Reaction.NOTE, "impedance guidance stands still: {value:.0f} pairs can be used (at least {bound:.0f}); the others are stale, open, shorted or noisy", "look for air in the cochlea and for broken leads; the plan goes on without it"),
+    Condition.IMPEDANCE_LOST: Row(Reaction.PAUSE, "impedance guidance is blind ({value:.0f}, bound {bound:.0f}), and impedance.when_blind is \"pause\"", "bring the telemetry back or set impedance.guidance to false, then resume; or retract"),
 }  # fmt: skip
 
 
@@ -143,9 +149,16 @@ NEVER_BLOCK_RETRACTION = (
     Condition.LOG_FAILED,
     Condition.BUCKLING,
     Condition.TIP_FOLD,
+    Condition.IMPEDANCE_LOST,
 )
 """The way out must stay open: these conditions neither pause nor refuse a retraction."""
-WARNINGS = (Condition.BUCKLING_WARNING, Condition.TIP_FOLD_WARNING, Condition.DETECTOR_BLIND)
+WARNINGS = (
+    Condition.BUCKLING_WARNING,
+    Condition.TIP_FOLD_WARNING,
+    Condition.DETECTOR_BLIND,
+    Condition.IMPEDANCE_SILENT,
+    Condition.IMPEDANCE_UNUSABLE,
+)
 """Notes that the operator should see at once."""
 RETRACTION_MASK = PAUSE_MASK & ~sum(1 << c for c in NEVER_BLOCK_RETRACTION)
 

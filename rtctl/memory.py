@@ -2,14 +2,15 @@
 
 The tick gets it as ``memory``; its parts are plain nested records: the robot's geometry, the parameter set
 in force, the state, the motion profile being followed, the profile proposed for the command of this tick,
-the insertion plan, the command itself, and the failure detector with what it knows of the insertion. Whoever holds
-the same memory and feeds the same inputs gets the same outputs to the bit.
+the insertion plan, the command itself, the failure detector with what it knows of the insertion, and what the contacts of
+the array have read. Whoever holds the same memory and feeds the same inputs gets the same outputs to the bit.
 """
 
 import numpy as np
 
 from rtctl.commands import COMMAND
 from rtctl.electrode.path import PATH
+from rtctl.guidance.impedance.layout import LAW, PAIR_STORE
 from rtctl.guidance.layout import DETECTOR, INSERTION
 from rtctl.way_back import ROWS as WAY_ROWS
 
@@ -84,6 +85,8 @@ def parameters_dtype(dof: int) -> np.dtype:
             ("fold_reaction", "i8"),
             ("buckling_reaction", "i8"),
             ("buckling_two_sided", "i8"),
+            # impedance guidance
+            ("impedance_law", LAW),
         ],
         align=True,
     )
@@ -203,6 +206,7 @@ def memory_dtype(robot_dtype: np.dtype, dof: int) -> np.dtype:
             ("command", COMMAND),
             ("detector", DETECTOR),
             ("insertion", INSERTION),
+            ("pairs", PAIR_STORE),
         ],
         align=True,
     )

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from rtctl.guidance.impedance import layout
 from rtctl.guidance.layout import REACTIONS
 from rtctl.memory import parameters_dtype
 from rtctl.robots import Robot
@@ -69,7 +70,24 @@ def pack(settings: Settings, robot: Robot, number: int) -> np.ndarray:
     g = s.guidance
     p["fold_margin"], p["buckling_two_sided"] = g.margin, g.two_sided
     p["fold_reaction"], p["buckling_reaction"] = REACTIONS[g.tip_fold], REACTIONS[g.buckling]
+    _pack_impedance(s, p["impedance_law"])
     return parameters
+
+
+def _pack_impedance(settings: Settings, law: np.void) -> None:
+    """Fill a LAW record."""
+    z, array, period = settings.impedance, settings.electrode, settings.loop.period_s
+    law["on"], law["mode"] = z.guidance, layout.MODES[z.mode]
+    law["pause_when_blind"] = z.when_blind == "pause"
+    for name in ("pair_step", "pitch_mm", "interval_mm", "step_limit_mm", "factor_ohm", "exponent", "far_field_ohm",
+                 "area_max_mm2", "open_ohm", "short_ohm", "noise_limit_ohm", "least_pairs"):  # fmt: skip
+        law[name] = getattr(z, name)
+    law["pairs"] = layout.CONTACTS - z.pair_step
+    law["pair_age_ticks"], law["link_age_ticks"] = round(z.pair_age_s / period), round(z.link_age_s / period)
+    law["length_mm"], law["modal_matrix"] = array.length_mm, array.modal_matrix
+    law["place_mm"] = array.length_mm - z.first_contact_mm - z.pitch_mm * np.arange(layout.CONTACTS)
+    law["bias_ohm"][: len(z.bias_ohm)] = z.bias_ohm
+    law["left_out"][np.array(z.left_out, dtype=int)] = 1
 
 
 def butterworth_low_pass(cutoff_hz: float, period_s: float) -> tuple[list[float], list[float]]:

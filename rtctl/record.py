@@ -94,6 +94,10 @@ def controller_table(dof: int) -> Table:
             s("axis_reference_rad", "f8", (axes,), "rad", "with backlash compensation, home offset included"),
             s("command_desired_v", "f8", (axes,), "V", "controller output before the limits"),
             s("command_applied_v", "f8", (axes,), "V", "what was written to the amplifiers"),
+            # impedance guidance: NaN and 0 while it is off
+            s("impedance_step_mm", "f8", (), "mm", "step of the stylet the last evaluation asked for"),
+            s("impedance_offset_mm", "f8", (), "mm", "withdrawal added by impedance in this insertion"),
+            s("impedance_jacobian_norm", "f8", (), "ohm/mm", "norm of J_zqs at the last evaluation"),
             # why
             s("condition_active", "i8", (), "bits", "conditions that hold in this tick"),
             s("condition_latched", "i8", (), "bits", "conditions since the last acknowledgement"),
@@ -131,6 +135,7 @@ def controller_table(dof: int) -> Table:
                 "bits",
                 "1 alive, 2 log writing, 4 operator present, 8 operator expected, 16 gateway expected, 32 arming allowed",
             ),
+            s("impedance_usable", "u4", (), "bits", "pairs that guide in this tick, the one at the tip is bit 0"),
             s("axes_validity", "u1", (), "", "0 invalid, 1 valid, 2 saturated, 3 frozen"),
             s("wrench_validity", "u1", (), "", "0 invalid, 1 valid, 2 saturated, 3 frozen"),
             s("impedance_validity", "u1", (), "", "0 invalid, 1 valid, 2 saturated, 3 frozen"),
@@ -162,6 +167,13 @@ def controller_table(dof: int) -> Table:
                 (),
                 "bits",
                 "1 watching, 2 blind, 4 phi_1 high, 8 phi_2 high, 16 buckled, 32 tip folded; all but 1 latched",
+            ),
+            s(
+                "impedance_phase",
+                "u1",
+                (),
+                "",
+                "0 moving, 1 measuring, 2 correcting, 3 measuring again, 4 ready to go on",
             ),
             s("power_request", "u1", (), "", "the controller asks for energised amplifiers"),
         ),

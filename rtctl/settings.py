@@ -27,6 +27,7 @@ from rtctl.electrode.patient import (
     SPIRAL_A_MM,
 )
 from rtctl.guidance import detector_file
+from rtctl.guidance.impedance import layout, power_law
 from rtctl.guidance.layout import REACTIONS
 
 ARRAY_MATRIX = (
@@ -282,6 +283,44 @@ class Guidance:
 
 
 @dataclass(frozen=True)
+class Impedance:
+    """Guidance of the stylet by the bipolar impedance of the contacts (04 section 4)."""
+
+    guidance: bool = option(False, live=True, doc="a lost impedance pulls the stylet; needs bias_ohm")
+    mode: str = option(
+        "continuous", choices=tuple(layout.MODES), doc="correct in passing, or where the insertion rests"
+    )
+    interval_mm: float = option(0.5, low=0.1, high=2.0, unit="mm", doc="of insertion between two evaluations")
+    step_limit_mm: float = option(1.0, low=0.0, high=1.0, unit="mm", live=True, doc="largest step of one evaluation")
+    pair_step: int = option(1, low=1, high=2, doc="1: contacts (i, i + 1), 21 pairs; 2: (i, i + 2), 20 pairs")
+    first_contact_mm: float = option(
+        0.6, low=0.0, high=5.0, unit="mm", doc="from the tip to the middle of the first contact"
+    )
+    pitch_mm: float = option(0.62, low=0.1, high=1.5, unit="mm", doc="Delta s, between neighbouring contacts")
+    bias_ohm: tuple[float, ...] = option(
+        (), shape=(-1,), low=-5000.0, high=5000.0, unit="ohm", doc="r of every pair, from `rtctl calibrate saline`"
+    )
+    left_out: tuple[float, ...] = option(
+        (), shape=(-1,), low=0, high=layout.PAIRS - 1, doc="pairs that never guide, the one at the tip is 0"
+    )
+    factor_ohm: float = option(power_law.FACTOR_OHM, low=1.0, high=1e4, unit="ohm", doc="a of z = a A^b + c, A in mm^2")
+    exponent: float = option(power_law.EXPONENT, low=-3.0, high=-0.1, doc="b of the power law")
+    far_field_ohm: float = option(power_law.FAR_FIELD_OHM, low=0.0, high=1e4, unit="ohm", doc="c of the power law")
+    area_max_mm2: float = option(
+        power_law.AREA_MAX_MM2, low=0.05, high=5.0, unit="mm^2", doc="no area in the cochlea is larger"
+    )
+    open_ohm: float = option(20_000.0, low=5000.0, high=28_500.0, unit="ohm", doc="a pair that reads so much is open")
+    short_ohm: float = option(500.0, low=0.0, high=1100.0, unit="ohm", doc="a pair that reads less is shorted")
+    noise_limit_ohm: float = option(800.0, low=50.0, high=5000.0, unit="ohm", doc="a pair this noisy (rms) is left out")
+    pair_age_s: float = option(2.8, low=0.1, high=30.0, unit="s", doc="oldest sample of a pair that counts")
+    link_age_s: float = option(0.5, low=0.1, high=5.0, unit="s", doc="silence of the telemetry that ends guidance")
+    least_pairs: int = option(3, low=1, high=layout.PAIRS, doc="with fewer usable pairs the law stands still")
+    when_blind: str = option(
+        "note", choices=layout.BLIND_REACTIONS, live=True, doc="reaction when it has to stand still"
+    )
+
+
+@dataclass(frozen=True)
 class Gateway:
     """The process between shared memory and the network."""
 
@@ -348,6 +387,7 @@ class Settings:
     electrode: Electrode
     cochlea: Cochlea
     guidance: Guidance
+    impedance: Impedance
     gateway: Gateway
     log: Log
     workflow: Workflow
@@ -466,6 +506,7 @@ def _check(s: Settings) -> None:
             raise OptionError(f"workflow.{name}: {problem.what}", value=problem.value, bound=problem.bound, remedy=problem.remedy)  # fmt: skip
     if s.admittance.blend_end_mm <= s.admittance.blend_start_mm:
         raise OptionError("admittance.blend_end_mm must be larger than blend_start_mm", value=s.admittance.blend_end_mm, bound=f"above {s.admittance.blend_start_mm}")  # fmt: skip
+    _check_impedance(s)
     if s.workflow.speed_mm_per_s > s.trajectory.depth_speed_mm_per_s:
         raise OptionError("workflow.speed_mm_per_s is faster than allowed", value=s.workflow.speed_mm_per_s, bound=f"at most trajectory.depth_speed_mm_per_s = {s.trajectory.depth_speed_mm_per_s}")  # fmt: skip
     _check_guidance(s)
@@ -485,6 +526,28 @@ def _check_guidance(s: Settings) -> None:
     for name in ("tip_fold", "buckling"):
         if getattr(g, name) != "warn":
             raise OptionError(f"guidance.{name} has nothing to react to", value=getattr(g, name), bound="warn without a detector", remedy="name one with guidance.detector")  # fmt: skip
+
+
+def _check_impedance(s: Settings) -> None:
+    """The pairs must be on the array and calibrated, and only one law may pull the stylet."""
+    z = s.impedance
+    pairs = layout.CONTACTS - z.pair_step
+    basal_mm = z.first_contact_mm + z.pitch_mm * (layout.CONTACTS - 1)
+    if basal_mm > s.electrode.length_mm:
+        raise OptionError("the last contact is not on the array", value=f"{basal_mm:g} mm", bound=f"electrode.length_mm = {s.electrode.length_mm:g}", remedy="lower impedance.first_contact_mm or pitch_mm")  # fmt: skip
+    if z.bias_ohm and len(z.bias_ohm) != pairs:
+        raise OptionError("impedance.bias_ohm needs one number a pair", value=f"{len(z.bias_ohm)} numbers", bound=f"{pairs} with pair_step = {z.pair_step}", remedy="calibrate again with this pair_step")  # fmt: skip
+    for k in z.left_out:
+        if k != int(k) or k >= pairs:
+            raise OptionError("impedance.left_out names a pair there is not", value=k, bound=f"whole, 0 .. {pairs - 1}")
+    if not z.guidance:
+        return
+    if not z.bias_ohm:
+        raise OptionError("impedance.guidance needs impedance.bias_ohm", value="none", bound=f"{pairs} numbers", remedy="run `rtctl calibrate saline` with this array")  # fmt: skip
+    if pairs - len(set(z.left_out)) < z.least_pairs:
+        raise OptionError("impedance.left_out leaves too few pairs", value=pairs - len(set(z.left_out)), bound=f"at least least_pairs = {z.least_pairs}")  # fmt: skip
+    if s.admittance.stylet:
+        raise OptionError("the stylet follows one law, by force or by impedance", value="both are on", remedy="set admittance.stylet or impedance.guidance to false")  # fmt: skip
 
 
 def _is_loopback(endpoint: str) -> bool:

@@ -12,6 +12,7 @@ from hal.kernel import kernel
 from rtctl import conditions, hlc, llc, trajectory, wrench
 from rtctl.commands import Reason, Verb
 from rtctl.guidance import watch
+from rtctl.guidance.impedance import law
 from rtctl.homing import home
 from rtctl.judge import judge
 from rtctl.lifecycle import FAULT_MASK, PAUSE_MASK, STOP_MASK, Motion, Operating, step
@@ -29,12 +30,14 @@ def tick(memory, sensors, actuators, record):
     begin(memory, sensors, record)
     know_pose(memory, record)
     know_force(memory, sensors, record)
+    law.listen(memory, record)
     conditions.watch_inputs(memory.parameters, memory.state, sensors, record)
     watch.watch(memory, record)
     decide(memory, sensors, record)
     if memory.state.homed and sensors.powered and memory.state.operating != Operating.FAULT:
         hlc.advance(memory, record)
         trajectory.correct(memory, record)
+        law.guide(memory, record)
         trajectory.follow_stylet(memory, record)
         trajectory.refer(memory, record)
     drive(memory, sensors, record)

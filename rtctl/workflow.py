@@ -14,6 +14,7 @@ import numpy as np
 from hal.errors import RtctlError
 from rtctl.commands import Verb
 from rtctl.electrode.array_shape import tip
+from rtctl.guidance.impedance.layout import READY
 from rtctl.lifecycle import Condition, Operating, Task
 from rtctl.robots import Robot
 from rtctl.settings import Settings
@@ -134,7 +135,8 @@ def insert_array(
     script.move("return to the entry", back, settings)
     script.plan()
     script.approach()
-    script.insert(flow.depth_mm, flow.speed_mm_per_s)
+    guided = settings.impedance.guidance and settings.impedance.mode == "stepwise"
+    script.insert(flow.depth_mm, flow.speed_mm_per_s, settings.impedance.interval_mm if guided else math.inf)
     script.rest("hold", flow.hold_s)
     return script.do("stop", Verb.STOP, until=lambda r: r["task_state"] == Task.DONE)
 
@@ -207,15 +209,28 @@ class Script:
         at_entry = Task.AT_ENTRY
         return self.do("approach", Verb.APPROACH, until=lambda r: r["task_state"] == at_entry, timeout_s=3 * SLACK_S)
 
-    def insert(self, depth_mm: float, speed_mm_per_s: float) -> Any:
-        """The step "insert": along the plan to a depth."""
+    def insert(self, depth_mm: float, speed_mm_per_s: float, interval_mm: float = math.inf) -> Any:
+        """The step "insert": along the plan to a depth.
+
+        interval_mm: rest at every multiple of it, and at the end, until the stylet has been corrected by impedance.
+        """
+        guided = math.isfinite(interval_mm)
+        for k in range(1, math.ceil(depth_mm / interval_mm - 1e-9) if guided else 1):
+            self._insert_to(k * interval_mm, depth_mm, speed_mm_per_s, guided)
+        return self._insert_to(depth_mm, depth_mm, speed_mm_per_s, guided)
+
+    def _insert_to(self, stop_mm: float, depth_mm: float, speed_mm_per_s: float, until_ready: bool) -> Any:
+        def arrived(r: Any) -> bool:
+            there = r["task_state"] == Task.HOLDING and r["depth_mm"] >= stop_mm - 1e-6
+            return there and (not until_ready or r["impedance_phase"] == READY)
+
         return self.do(
             "insert",
             Verb.INSERT,
-            depth_mm,
+            stop_mm,
             speed_mm_per_s,
-            until=lambda r: r["task_state"] == Task.HOLDING and r["depth_mm"] >= depth_mm - 1e-6,
-            timeout_s=2 * depth_mm / max(speed_mm_per_s, 1e-3) + SLACK_S,
+            until=arrived,
+            timeout_s=2 * stop_mm / max(speed_mm_per_s, 1e-3) + SLACK_S,
             share=lambda r: float(r["depth_mm"]) / max(depth_mm, 1e-9),
         )
 

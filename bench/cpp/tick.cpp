@@ -215,6 +215,14 @@ void leave_unwatched(Record &record) {
     record.detector_flags = 0;
 }
 
+// What rtctl/guidance/impedance/law.py says while it is off, the only case compared.
+void leave_unguided(Record &record) {
+    record.impedance_step_mm = record.impedance_jacobian_norm = NOT_KNOWN;
+    record.impedance_offset_mm = 0.0;
+    record.impedance_usable = 0;
+    record.impedance_phase = 0;
+}
+
 void report(const Memory &memory, Record &record) {
     const State &state = memory.state;
     const bool known = state.homed != 0;
@@ -251,6 +259,7 @@ void tick(Memory &memory, const Sensors &sensors, Actuators &actuators, Record &
     begin(memory, sensors, record);
     know_pose(memory, record);
     know_force(memory, sensors, record);
+    leave_unguided(record);
     conditions::watch_inputs(memory.parameters, state, sensors, record);
     leave_unwatched(record);
     decide(memory, sensors, record);

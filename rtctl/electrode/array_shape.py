@@ -63,7 +63,7 @@ def bending_angle(modal_matrix, s_mm, stylet_mm):
 
 
 @kernel
-def _advance(mode, slope, s_from, s_to):
+def advance(mode, slope, s_from, s_to):
     """Increments of (x, y, dx/dq, dy/dq) from arc length `s_from` to `s_to`."""
     panels = max(1, math.ceil(abs(s_to - s_from) / PANEL_MM - 1e-9))
     h = (s_to - s_from) / panels
@@ -84,7 +84,7 @@ def _advance(mode, slope, s_from, s_to):
 @kernel
 def shape_point(modal_matrix, stylet_mm, s_mm):
     """Position p_e(s, q) as (x, y) in {E} [mm], (II.6)."""
-    x, y, _, _ = _advance(modes(modal_matrix, stylet_mm), mode_slopes(modal_matrix, stylet_mm), 0.0, s_mm)
+    x, y, _, _ = advance(modes(modal_matrix, stylet_mm), mode_slopes(modal_matrix, stylet_mm), 0.0, s_mm)
     return x, y
 
 
@@ -97,7 +97,7 @@ def tip(modal_matrix, stylet_mm):
 @kernel
 def stylet_jacobian(modal_matrix, stylet_mm, s_mm):
     """d p_e / d q as (x, y) in {E} [mm/mm], (II.8)."""
-    _, _, dx, dy = _advance(modes(modal_matrix, stylet_mm), mode_slopes(modal_matrix, stylet_mm), 0.0, s_mm)
+    _, _, dx, dy = advance(modes(modal_matrix, stylet_mm), mode_slopes(modal_matrix, stylet_mm), 0.0, s_mm)
     return dx, dy
 
 
@@ -107,7 +107,7 @@ def shape_points(modal_matrix, stylet_mm, s_nodes_mm, points):
     mode, slope = modes(modal_matrix, stylet_mm), mode_slopes(modal_matrix, stylet_mm)
     s = x = y = 0.0
     for k in range(s_nodes_mm.shape[0]):
-        step_x, step_y, _, _ = _advance(mode, slope, s, s_nodes_mm[k])
+        step_x, step_y, _, _ = advance(mode, slope, s, s_nodes_mm[k])
         s, x, y = s_nodes_mm[k], x + step_x, y + step_y
         points[k, 0], points[k, 1] = x, y
 
@@ -118,7 +118,7 @@ def shape_points_and_jacobians(modal_matrix, stylet_mm, s_nodes_mm, points, jaco
     mode, slope = modes(modal_matrix, stylet_mm), mode_slopes(modal_matrix, stylet_mm)
     s = x = y = dx = dy = 0.0
     for k in range(s_nodes_mm.shape[0]):
-        step_x, step_y, step_dx, step_dy = _advance(mode, slope, s, s_nodes_mm[k])
+        step_x, step_y, step_dx, step_dy = advance(mode, slope, s, s_nodes_mm[k])
         s, x, y, dx, dy = s_nodes_mm[k], x + step_x, y + step_y, dx + step_dx, dy + step_dy
         points[k, 0], points[k, 1] = x, y
         jacobians[k, 0], jacobians[k, 1] = dx, dy

@@ -43,6 +43,7 @@ IMPEDANCE = np.dtype(
         ("series_ohm", "f8", (CONTACTS,)),  # of a lead; a pair has two
         ("contact_from_tip_mm", "f8", (CONTACTS,)),
         ("pair_step", "i8"),
+        ("bath", "i8"),
         ("period_ticks", "i8"),
         ("stale_ticks", "i8"),
         ("silent_ticks", "i8"),
@@ -94,6 +95,7 @@ def pack(
         "pitch_mm",
         "noise_ohm",
         "pair_step",
+        "bath",
     ):
         record[name] = getattr(options, name)
     record["contact_from_tip_mm"] = place
@@ -145,11 +147,13 @@ def measure(impedance, seed, since_ticks):
 
 @kernel
 def bipolar_ohm(impedance, first, second):
-    """z = a A^b + c [ohm] of a pair of contacts, with its leads; NaN if one of them is not inside the cochlea."""
+    """z = a A^b + c [ohm] of a pair of contacts, with its leads; NaN if one of them is in air."""
     near, far = impedance.modiolar_distance_mm[first], impedance.modiolar_distance_mm[second]
-    if not (math.isfinite(near) and math.isfinite(far)):
-        return math.nan
-    mean = (max(near, impedance.distance_min_mm) + max(far, impedance.distance_min_mm)) / 2
-    area = min(mean * impedance.pitch_mm, impedance.area_max_mm2)
+    area = impedance.area_max_mm2
+    if not impedance.bath:
+        if not (math.isfinite(near) and math.isfinite(far)):
+            return math.nan
+        mean = (max(near, impedance.distance_min_mm) + max(far, impedance.distance_min_mm)) / 2
+        area = min(mean * impedance.pitch_mm, area)
     fluid = impedance.factor_ohm * area**impedance.exponent + impedance.far_field_ohm
     return fluid + impedance.series_ohm[first] + impedance.series_ohm[second]

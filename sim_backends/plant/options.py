@@ -158,6 +158,7 @@ class Impedance:
     distance_min_mm: float = option(
         0.05, low=0.001, high=0.5, unit="mm", doc="a contact nearer to the modiolus than the law was fitted reads alike"
     )
+    bath: bool = option(False, doc="the array hangs in a bath of saline, far from every wall, to be calibrated")
     series_ohm: tuple[float, ...] = option(
         (100.0, 500.0), shape=(2,), low=0.0, high=5000.0, unit="ohm", doc="of a pair's leads: drawn between these"
     )

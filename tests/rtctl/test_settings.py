@@ -38,6 +38,7 @@ DIMENSIONLESS = {
     "motor.screw_efficiency",
     "stylet.motor.screw_efficiency",
     "impedance.exponent",
+    "impedance.left_out",  # numbers of pairs
     "anatomy.friction",
     "array.curvature_error",
 }

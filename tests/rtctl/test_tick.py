@@ -514,7 +514,7 @@ def test_every_fault_condition_is_raised_somewhere():
     folder = Path(rtctl.__file__).parent
     source = "".join(
         (folder / f"{f}.py").read_text()
-        for f in ("conditions", "trajectory", "hlc", "homing", "tick", "guidance/watch")
+        for f in ("conditions", "trajectory", "hlc", "homing", "tick", "guidance/watch", "guidance/impedance/law")
     )
     for condition, row in TABLE.items():
         assert f"Condition.{condition.name}" in source, condition.name

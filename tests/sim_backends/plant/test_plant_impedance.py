@@ -73,6 +73,12 @@ def test_contacts_lie_behind_the_tip_one_pitch_apart():
     assert record["contact_from_tip_mm"] == pytest.approx(0.8 + 0.6 * np.arange(22))
 
 
+def test_in_a_bath_every_pair_reads_the_largest_area():
+    record = telemetry(bath=True)
+    record["modiolar_distance_mm"][:5] = 0.3
+    assert {ohm for _, ohm in samples(record, 21)} == {pytest.approx(83.2 * 0.8**-1.317 + 1149.0)}
+
+
 def test_a_pair_that_is_not_all_inside_reads_open():
     record = telemetry()
     record["modiolar_distance_mm"][:5] = 0.3
