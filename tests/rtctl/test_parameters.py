@@ -6,23 +6,23 @@ import math
 import numpy as np
 import pytest
 
-from hal.options import describe
+from hal.options import describe, read
 from rtctl import robots
 from rtctl.memory import memory_dtype, parameters_dtype, profile_dtype, state_dtype
 from rtctl.parameters import pack
-from rtctl.settings import Settings, from_table, load, table_of
+from rtctl.settings import Settings, load, table_of
 
 SETTINGS = load("planar-sim", [f"impedance.bias_ohm={[0.0] * 21}"])  # or guidance could not be switched on
 ROBOT = robots.load(SETTINGS.robot.kind, SETTINGS.robot.geometry)
 
 
 def packed(**changes):
-    """Parameters with single options changed, named section__option."""
+    """Parameters with single options changed, named section__option; whether they go together is not looked at."""
     table = table_of(SETTINGS)
     for name, value in changes.items():
         section, _, option = name.partition("__")
         table[section][option] = value
-    return pack(from_table(table), ROBOT, 7)[0]
+    return pack(read(Settings, table), ROBOT, 7)[0]
 
 
 def test_every_field_is_a_finite_number_and_the_set_carries_its_number():
