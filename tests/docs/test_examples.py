@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 WRITTEN = [p for p in PAGES if p.parent.name != "reference"]
 TUTORIAL = ROOT / "docs" / "tutorial" / "your-first-insertion.md"
-NEEDS_NO_CONTROLLER = ("sim", "log", "replay", "config", "warmup")
+NEEDS_NO_CONTROLLER = ("sim", "log", "replay", "config", "warmup", "detector")
 FILE_OR_SIMULATION = ("backlash", "record", "stiffness", "array", "shape", "--sim")
 """What a calibration that needs no controller has among its words."""
 NEEDS_CONTROLLER = "<!-- needs a controller -->"
