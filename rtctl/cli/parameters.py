@@ -1,6 +1,7 @@
 """``rtctl param``: options of a running controller."""
 
 import tomllib
+from textwrap import shorten
 from typing import Annotated, Any
 
 import typer
@@ -8,6 +9,9 @@ import typer
 from rtctl.cli.connection import connect
 from rtctl.cli.console import output, say, to_toml
 from rtctl.cli.options import DEFAULT_ENDPOINT, DEFAULT_ROBOT, ENDPOINT, JSON, ROBOT, SETTINGS
+
+LONGEST_VALUE = 200
+"""In the list [letters]; `param get` has the rest."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -81,7 +85,8 @@ def list_all(
     table = Table("option", "value", "bounds", "live", "meaning", box=None, header_style="dim", pad_edge=False)
     for name, entry in shown.items():
         bounds = entry["bound"] or (f"[{entry['unit']}]" if entry["unit"] else "")
-        cells = (name, to_toml(entry["value"]), bounds, "yes" if entry["live"] else "", entry["doc"])
+        value = shorten(to_toml(entry["value"]), LONGEST_VALUE, placeholder=" …")
+        cells = (name, value, bounds, "yes" if entry["live"] else "", entry["doc"])
         table.add_row(*map(Text, cells))
     output().print(table)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtctl.guidance.features import GRID
+from rtctl.guidance.force_model import FLOOR
 
 DEVIATIONS = 3.0
 """N: so many standard deviations of normal insertions are normal (99.7 %, not the 95 % printed)."""
@@ -29,9 +30,14 @@ def integrals(profiles: np.ndarray) -> np.ndarray:
 
 
 def train(normal: np.ndarray) -> BucklingModel:
-    """Thresholds from normal insertions (n, 3, 97)."""
+    """Thresholds from normal insertions (n, 3, 97).
+
+    No deviation is smaller than what an offset of the sensor's floor beta would make of the integral, beta lambda: at first
+    normal insertions differ by less than the sensor can tell, and its noise would be a failure.
+    """
     phi = integrals(normal)
-    return BucklingModel(phi.mean(axis=0), phi.std(axis=0, ddof=1))
+    floor = np.outer(FLOOR[:2], GRID)
+    return BucklingModel(phi.mean(axis=0), np.maximum(phi.std(axis=0, ddof=1), floor))
 
 
 def detected(model: BucklingModel, profiles: np.ndarray, two_sided: bool = False) -> np.ndarray:

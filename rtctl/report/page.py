@@ -39,6 +39,9 @@ TILES = (
 CAPTION_IN = 1.2
 """Height that title and caption of a picture take, about."""
 
+LONGEST_VALUE = 400
+"""Of a setting on the page [letters]."""
+
 EPOCH_NS = 10**18
 """Time stamps above it are of the day; below it they count from the start of a lockstep run."""
 
@@ -175,7 +178,7 @@ def _settings(settings: Settings) -> str:
         section, option = name.split(".")
         value = table[section][option]
         row = (
-            f"<tr><td><code>{escape(name)}</code></td><td><code>{escape(_short(value))}</code></td>"
+            f"<tr><td><code>{escape(name)}</code></td><td><code>{escape(_cut(_short(value)))}</code></td>"
             f'<td class="wide">{escape(str(field.metadata.get("doc", "")))}</td></tr>'
         )
         every.append(row)
@@ -194,6 +197,11 @@ def _plain_default(field: Any) -> Any:
 
 def _listed(value: Any) -> Any:
     return [_listed(v) for v in value] if isinstance(value, tuple) else value
+
+
+def _cut(text: str) -> str:
+    """A trained detector has a thousand numbers, and the log has them all."""
+    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]} …"
 
 
 def _short(value: Any) -> str:

@@ -53,6 +53,17 @@ def test_flags_are_latched_and_need_not_come_at_the_same_time(model):
     assert buckling.detected(model, pushed)[0] >= 80
 
 
+def test_an_offset_the_sensor_cannot_tell_is_no_failure():
+    """Training insertions that are all but equal do not make the sensor better than it is."""
+    alike = synthetic.normal(1, np.random.default_rng(16)) + 1e-6 * np.random.default_rng(17).random((20, 3, 97))
+    model = buckling.train(alike)
+    for offset, found in ((2.9, False), (3.1, True)):
+        off = alike.copy()
+        off[:, 0] -= offset * 0.004
+        off[:, 1:] *= (1.0 + offset * 0.1 / np.hypot(off[:, 1], off[:, 2]))[:, None]
+        assert ((buckling.detected(model, off) >= 0) == found).all()
+
+
 def test_low_forces_count_only_where_both_sides_do(model):
     gentle = synthetic.normal(1, np.random.default_rng(15))
     gentle[:, 0] += 1.0
