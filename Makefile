@@ -23,9 +23,16 @@ help:  ## this list
 run: $(READY)  ## a whole insertion through the real-time daemon, on the simulated robot [CONFIG=planar-sim]
 	@$(BIN)/rtctl demo $(CONFIG)
 
-test: $(READY)  ## all tests [ARGS="tests/rtctl/log -k recover"]
+# Daemons are tested one after the other, with the machine to themselves; everything else on all cores.
+APART := tests/daemon tests/packaging
+test: $(READY)  ## all tests, or some [ARGS="tests/rtctl/log -k recover"]
 	@$(BIN)/rtctl warmup $(CONFIG)
+ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
+else
+	@$(BIN)/python -m pytest -n auto --dist loadfile $(APART:%=--ignore=%)
+	@$(BIN)/python -m pytest $(APART)
+endif
 
 check: $(READY)  ## style, types, import contracts, and whether the reference pages are up to date
 	$(BIN)/ruff check

@@ -158,7 +158,7 @@ def check_recess(settings: Settings, path: np.ndarray, pose_entry: np.ndarray) -
                 f"at depth {depth[worst]:.1f} mm {what} too far beside the registered direction",
                 value=round(float(angles[worst]), 4),
                 bound=f"at most {bound:.4g} rad either way, from cochlea.recess_angle_rad",
-                remedy="this array needs a wider recess: take another one, or correct cochlea.recess_angle_rad",
+                remedy="make the plan anew for this recess, correct cochlea.recess_angle_rad, or take another array",
             )
 
 

@@ -47,7 +47,7 @@ void leave_path(Memory &memory) {
     State &state = memory.state;
     if (state.on_path)
         for (int i = 0; i < DOF; ++i) state.setpoint[i] = state.reference[i];
-    for (double &offset : state.lateral_offset_mm) offset = 0.0;
+    for (int i = 0; i < 3; ++i) state.lateral_offset_mm[i] = state.way_offset_mm[0][i] = 0.0;
     state.on_path = 0;
     state.setpoint[DOF] = 0.0;
 }

@@ -7,6 +7,7 @@
 #include "admittance.hpp"
 #include "conditions.hpp"
 #include "planar_3rpr.hpp"
+#include "way_back.hpp"
 #include "layout.hpp"
 
 namespace trajectory {
@@ -30,6 +31,11 @@ void correct(Memory &memory, Record &record) {
         const double rate = admittance::stylet_rate(parameters, record.force_axial_n, state.setpoint[DOF]);
         state.stylet_extra_mm += rate * parameters.period_s;
     }
+    if (active)
+        way_back::remember(state.way_offset_mm, state.setpoint[DOF], state.lateral_offset_mm);
+    else if (state.task == Task::RETRACTING)
+        way_back::undo(state.way_offset_mm, state.way_depth_mm, state.setpoint[DOF], state.lateral_offset_mm);
+    state.way_depth_mm = state.setpoint[DOF];
 }
 
 void follow_stylet(Memory &memory, Record &record) {

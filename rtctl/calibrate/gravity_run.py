@@ -179,7 +179,12 @@ def check_ready(record: Any) -> None:
     """Raise CalibrationError unless the robot may move, stands still, has nothing in the gripper, and the sensor works."""
     state = Operating(int(record["operating_state"]))
     for bad, what, value, remedy in (
-        (state != Operating.ENABLED, "the robot is not enabled", state.name, "run `rtctl enable`"),
+        (
+            state != Operating.ENABLED,
+            "the robot is not enabled",
+            state.name,
+            "look at `rtctl status`, then `rtctl enable`",
+        ),
         (not record["is_homed"], "the robot is not homed", None, "run `rtctl home`"),
         (record["array_loaded"], "an array is loaded, and would be weighed too", None, "run `rtctl unload-array`"),
         (record["is_busy"], "another motion or routine is under way", None, "wait for it, or run `rtctl stop`"),

@@ -66,7 +66,9 @@ def plan(context: typer.Context, robot: ROBOT = DEFAULT_ROBOT, endpoint: ENDPOIN
 
 def make(
     config: CONFIG = DEFAULT_CONFIG,
-    to: Annotated[Path, typer.Option(help="File to write.", dir_okay=False)] = Path("plan.json"),
+    to: Annotated[Path, typer.Option(help="File to write; an older one is replaced.", dir_okay=False)] = Path(
+        "plan.json"
+    ),
     entry: ENTRY = None,
     overrides: SET = None,
 ) -> None:

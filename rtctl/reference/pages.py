@@ -5,12 +5,14 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from hal import backend as backends
+from hal.options import bound_text, describe
 from hal.signals import Signal
 from rtctl.cli import app
 from rtctl.cli.exit_codes import MEANING
 from rtctl.commands import EXPLANATIONS, Reason, Verb
 from rtctl.gateway import keys
 from rtctl.lifecycle import NEVER_BLOCK_RETRACTION, TABLE, Operating, permits
+from rtctl.plan_file import VERSION, PlanFile
 from rtctl.record import INPUTS, TIMING, controller_table
 from rtctl.reference.command_line import commands as help_of_commands
 from rtctl.reference.markdown import blanks, page, table
@@ -144,6 +146,31 @@ def figures() -> str:
     )
 
 
+def plan_file() -> str:
+    """What is in the file of a plan."""
+    fields = [
+        (where or "top level", f"`{name.rsplit('.', 1)[-1]}`", f.metadata["unit"], bound_text(f), f.metadata["doc"])
+        for name, _, f in describe(PlanFile)
+        for where in (f"`{name.rpartition('.')[0]}`" if "." in name else "",)
+    ]
+    return page(
+        "Plan file",
+        "rtctl/plan_file.py",
+        [
+            f"The file of `rtctl plan make` is JSON, format version {VERSION}. Every field is required, and no other is"
+            " allowed. The same document goes to the controller in the field `plan` of a request on the key `plan`. How to"
+            " work with it: [Make and use a plan](../how-to/make-and-use-a-plan.md).",
+            table(("in", "field", "unit", "bounds", "meaning"), sorted(fields, key=lambda row: row[0] != "top level")),
+            "Poses are those of the frame {E} at the grip ribs of the array in the frame {C} of the cochlea: origin in the"
+            " centre of the spiral, x axis through 10.3 degrees of the template, and the angle of the spiral growing"
+            " counter-clockwise, for a left ear too. At a registered entry $(x, y, \\varphi)_e$ in {B} they are"
+            " $p_B=p_e+R(\\varphi_e-\\varphi_C)(p_C-p_c)$ and $\\varphi_B=\\varphi+\\varphi_e-\\varphi_C$, with"
+            " $\\varphi_C$ = 146.342 degrees, and $p_c$ the centre of the cochleostomy, (4.406825, 0.530991) mm times A / 3.84 mm.",
+            "Between the depths the pose follows a cubic spline (not-a-knot), the stylet a shape-preserving one.",
+        ],
+    )
+
+
 def command_line() -> str:
     """Every command of the program, and its exit codes."""
     codes = table(("code", "meaning"), [(int(code), meaning) for code, meaning in MEANING.items()])
@@ -157,6 +184,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "conditions.md": conditions,
     "keys.md": key_table,
     "summary.md": figures,
+    "plan-file.md": plan_file,
     "cli.md": command_line,
 }
 

@@ -10,7 +10,7 @@ from typing import Any
 from rtctl import summary as summaries
 from rtctl.log.format import LogError
 from rtctl.recording import Recording, logs_in, open_recording
-from rtctl.report import cochlea_view, force, motion, page, path, style, timing
+from rtctl.report import cochlea_view, detection, force, motion, page, path, style, timing
 
 
 def write(run_directory: str | Path, *, figures: bool = True) -> dict[str, Any]:
@@ -53,6 +53,7 @@ def draw(recording: Recording) -> list[tuple[str, str, str, Any]]:
     drawn = [
         ("force", "Force against depth", force.CAPTION, force.draw(run)),
         ("cochlea", "The array in the cochlea at five depths", cochlea_view.caption(run), cochlea_view.draw(run)),
+        ("detection", "Prediction and failure detection", detection.CAPTION, detection.draw(run)),
         ("path", "Path of the gripper", path.CAPTION, path.draw(run)),
         ("motion", "Depth and stylet against time", motion.CAPTION, motion.draw(run)),
         ("timing", "How the loop kept time", timing.CAPTION, timing.draw(run)),

@@ -38,6 +38,7 @@ def test_a_changed_a_missing_and_a_left_over_page_are_seen(copy):
         ("commands.md", ["`servo_cv`", "DISABLED, ENABLED", "`outside_box`", "holder of the lease"]),
         ("conditions.md", ["`force_limit`", "PAUSE", "| open |", "force *value* N exceeds *bound* N"]),
         ("keys.md", ["`lease/acquire`", "`measured_cp`", "published"]),
+        ("plan-file.md", ["`pose_in_cochlea_mm_rad`", "`depths`", "rtctl insertion plan", "3.2 .. 4.6 mm"]),
         ("summary.md", ["`insertion_force_mean_n`", "`lost_records`"]),
         ("cli.md", ["## `rtctl log recover`", "`--no-gateway`", "| 5 | the controller is in fault |"]),
     ],

@@ -24,6 +24,7 @@ UNITS = (
     "_n_per_mm2", "_per_mm", "_n_s_per_mm", "_n_s_per_mm2",
 )  # fmt: skip
 DIMENSIONLESS = {
+    "guidance.margin",
     "electrode.modal_matrix",  # mixed powers of mm, in its unit text
     "sensor.gravity_direction_in_base",
     "sensor.bias",  # N and N mm in one vector

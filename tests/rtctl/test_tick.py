@@ -500,7 +500,7 @@ def test_outputs_depend_on_memory_and_inputs_alone(homed):
         (Verb.NONE,),
     ):
         other.c.record.view("u1")[:] = 0xA5
-        for name in ("tick_ns", "lateness_ns", "reserved"):
+        for name in {"tick_ns", "lateness_ns", "reserved"} & set(other.c.record.dtype.names):
             other.c.record[name] = 0
         assert bed.step(verb, *arguments).tobytes() == other.step(verb, *arguments).tobytes()
 

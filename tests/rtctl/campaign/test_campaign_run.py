@@ -18,6 +18,7 @@ from rtctl.campaign.table import CampaignError
 from rtctl.cli import main
 from rtctl.cli.exit_codes import Exit
 from rtctl.lockstep import Lockstep
+from rtctl.log.reader import Log
 from rtctl.planner import plan_of
 from rtctl.settings import load
 from rtctl.summary import FIGURES
@@ -83,7 +84,7 @@ def test_a_table_cut_in_the_middle_of_a_line_becomes_the_same_table(settings, ta
     path, run_again = tmp_path / "cut.csv", []
     path.write_bytes(table.read_bytes()[:-40])
     simulate = campaign.row_of
-    monkeypatch.setattr(campaign, "row_of", lambda s, seed, plan: run_again.append(seed) or simulate(s, seed, plan))
+    monkeypatch.setattr(campaign, "row_of", lambda s, seed, **more: run_again.append(seed) or simulate(s, seed, **more))
     campaign.run(settings, SEEDS, path)
     assert run_again == [SEEDS[-1]]
     assert path.read_bytes() == table.read_bytes()
@@ -134,10 +135,21 @@ def test_an_insertion_that_cannot_be_set_up_is_a_row_too(settings, monkeypatch):
     assert row["kernel_hash"]
 
 
+def test_logs_are_kept_where_they_are_asked_for(settings, table, tmp_path):
+    """One that was cut off with its row is written again, and the row is what it is without."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    (logs / "20.mcap").write_bytes(b"cut off")
+    campaign.run(settings, SEEDS[:2], tmp_path / "table.csv", logs=logs)
+    assert sorted(p.name for p in logs.iterdir()) == ["20.mcap", "21.mcap"]
+    assert Log.open(logs / "20.mcap").complete
+    assert read(tmp_path / "table.csv") == read(table)[:2]
+
+
 def test_failures_are_counted_when_a_table_goes_on(settings, tmp_path, monkeypatch):
-    def row_of(settings, seed, plan=None):
+    def row_of(settings, seed, plan=None, logs=None):
         bad = {"outcome": "incomplete"} if seed % 2 else {"outcome": "completed"}
-        return rows.row_of(settings, SEEDS[0], plan) | {"seed": str(seed)} | bad
+        return rows.row_of(settings, SEEDS[0], plan, logs) | {"seed": str(seed)} | bad
 
     monkeypatch.setattr(campaign, "row_of", row_of)
     path = tmp_path / "table.csv"

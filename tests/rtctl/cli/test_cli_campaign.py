@@ -37,7 +37,7 @@ def test_a_campaign_scatters_unless_told_otherwise(words, scatter, monkeypatch):
     monkeypatch.setattr(campaign, "run", lambda settings, *rest: seen.update(settings=settings, rest=rest) or Exit.OK)
     assert main(["sim", *words, "--count", "5", "--jobs", "3", "--seed", "2", "--to", "x.csv"]) == Exit.OK
     assert seen["settings"] == load("planar-sim", [f"{SCATTER}={str(scatter).lower()}"])
-    assert [str(part) for part in seen["rest"]] == ["2", "5", "3", "x.csv"]
+    assert [str(part) for part in seen["rest"]] == ["2", "5", "3", "x.csv", "None"]
 
 
 @pytest.mark.parametrize(
