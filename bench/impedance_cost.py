@@ -37,7 +37,7 @@ def measure(settings: Settings, pieces: Sequence[Piece]) -> list[Figure]:
     steps = len(np.unique(insertion.records["depth_mm"] // settings.impedance.interval_mm))
     name = "a pair of 270 elements"
     return [
-        Figure(PART, name, "ms", float(np.median(ours)), target=SOLUTION_MS, note=f"median of {ROUNDS} x {SOLUTIONS}"),
+        Figure(PART, name, "ms", float(np.min(ours)), target=SOLUTION_MS, note=f"fastest of {ROUNDS} rounds of {SOLUTIONS}"),
         compare(
             PART, f"{name}, ratio", "ms", ours, theirs,
             reference_name="the same in numpy", target=Target(1.0), note="(VII.15) as printed, vectorised",
