@@ -1,6 +1,6 @@
 """Impedance guidance against the plant: what a late stylet costs, and how much of it the law gives back (04 section 4).
 
-    python -m studies.impedance_guidance              half an hour on two cores
+    python -m studies.impedance_guidance              two minutes
     python -m studies.impedance_guidance --count 3    a quick look
     python -m studies.impedance_guidance --fit        the power law fitted to the boundary-element model (04 section 3)
 
@@ -24,6 +24,7 @@ from rtctl.electrode.planning import Plan
 from rtctl.guidance.impedance import fit, saline
 from rtctl.guidance.impedance.jacobian import impedance_rate
 from rtctl.guidance.impedance.layout import CONTACTS
+from rtctl.guidance.impedance.power_law import FAR_FIELD_OHM
 from rtctl.lifecycle import Task
 from rtctl.lockstep import Lockstep
 from rtctl.planner import plan_of
@@ -72,8 +73,8 @@ class Outcome:
     failed: str
 
 
-def bias_of(overrides: Sequence[str], seed: int) -> list[float]:
-    """Bias of every pair [ohm] of the array this seed gives, from a bath, so that far field reads c (VII.21)."""
+def bias_of(overrides: Sequence[str], seed: int, far_field_ohm: float = FAR_FIELD_OHM) -> list[float]:
+    """Bias of every pair [ohm] of the array this seed gives, from a bath, so that far field reads c as in (VII.21)."""
     settings = load("planar-sim", [*overrides, "impedance.guidance=false", "backend.options.impedance.bath=true"])
     blocks: list[np.ndarray] = []
     lockstep = Lockstep(settings, seed, lambda records, _: blocks.append(records.copy()))
@@ -81,12 +82,13 @@ def bias_of(overrides: Sequence[str], seed: int) -> list[float]:
     lockstep.close()
     pair, ohm = saline.samples_of(np.concatenate(blocks))
     z = settings.impedance
-    return saline.calibrate(pair, ohm, z, CONTACTS - z.pair_step, z.far_field_ohm).bias_ohm.tolist()
+    return saline.calibrate(pair, ohm, z, CONTACTS - z.pair_step, far_field_ohm).bias_ohm.tolist()
 
 
-def insert(overrides: Sequence[str], plan: Plan, seed: int) -> Outcome:
+def insert(overrides: Sequence[str], plan: Plan, seed: int, far_field_ohm: float = FAR_FIELD_OHM) -> Outcome:
     """Calibrate, then insert."""
-    settings = load("planar-sim", [*overrides, f"impedance.bias_ohm={bias_of(overrides, seed)}"])
+    bias = bias_of(overrides, seed, far_field_ohm)
+    settings = load("planar-sim", [*overrides, f"impedance.bias_ohm={bias}"])
     recorder = Recorder()
     passage: list[float] = []
 
@@ -168,7 +170,7 @@ def row(late_mm: float, mode: str, found: Sequence[Outcome]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def run(count: int, jobs: int, noise_ohm: float, report: Callable[[str], None]) -> None:
+def run(count: int, jobs: int, noise_ohm: float, far_field_ohm: float, report: Callable[[str], None]) -> None:
     """Simulate and print row after row."""
     plan = plan_of(load("planar-sim", BASE))
     noise = f"backend.options.impedance.noise_ohm={noise_ohm}"
@@ -179,7 +181,7 @@ def run(count: int, jobs: int, noise_ohm: float, report: Callable[[str], None]) 
             for mode, settings in MODES.items():
                 report(f"{late_mm:g} mm late, {mode}")
                 seeds = range(FIRST_SEED, FIRST_SEED + count)
-                work = partial(insert, [*BASE, late, noise, *settings], plan)
+                work = partial(insert, [*BASE, late, noise, *settings], plan, far_field_ohm=far_field_ohm)
                 print(row(late_mm, mode, list(pool.map(work, seeds))), flush=True)
 
 
@@ -198,12 +200,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--count", type=int, default=COUNT, help=f"insertions of a row [{COUNT}]")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes [all cores]")
     parser.add_argument("--noise", type=float, default=50.0, metavar="OHM", help="rms of a sample [50]")
+    parser.add_argument(
+        "--far-field", type=float, default=FAR_FIELD_OHM, metavar="OHM", help="what a pair shall read in a bath [c]"
+    )
     parser.add_argument("--fit", action="store_true", help="fit the power law instead")
     chosen = parser.parse_args(arguments)
     if chosen.fit:
         print(fits())
     else:
-        run(chosen.count, chosen.jobs, chosen.noise, lambda text: print(text, file=sys.stderr, flush=True))
+        run(
+            chosen.count,
+            chosen.jobs,
+            chosen.noise,
+            chosen.far_field,
+            lambda text: print(text, file=sys.stderr, flush=True),
+        )
     return 0
 
 
