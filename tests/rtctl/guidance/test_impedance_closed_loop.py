@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rtctl import replay
 from rtctl.guidance.impedance.layout import READY
 from rtctl.lifecycle import Condition, Task
 from rtctl.planner import plan_of
@@ -101,3 +102,12 @@ def test_a_telemetry_that_stops_is_told_and_the_insertion_goes_on_or_pauses(plan
     assert paused["depth_mm"].max() < 13.0
     first = int(np.flatnonzero(silent)[0])
     assert np.ptp(rows["impedance_offset_mm"][first:][rows["task_state"][first:] == Task.INSERTING]) < 1.0
+
+
+def test_a_guided_run_is_replayed_to_the_bit(plan, bias, tmp_path):
+    settings = load("planar-sim", [*LATE, bias, "impedance.guidance=true", "workflow.depth_mm=9.0"])
+    rows = simulate(settings, 40_000, plan=plan, log=tmp_path / "log.mcap").recording.records
+    assert rows["impedance_offset_mm"].max() > 0.0
+    result = replay.run([tmp_path / "log.mcap"])
+    assert result.difference is None
+    assert result.ticks == len(rows)
