@@ -14,6 +14,7 @@ from rich.console import Console
 from bench import (
     exchange_cost,
     guidance_cost,
+    impedance_cost,
     lockstep_speed,
     loop_cost,
     memory_growth,
@@ -28,7 +29,7 @@ from bench.recorded import record_insertion
 from hal.errors import RtctlError
 from rtctl.settings import load
 
-SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance", "planning")
+SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance", "planning", "impedance")
 STUDIES = ("rod", "robustness", "phenomena", "mujoco")
 """Of the array by itself; they take minutes, and only when asked for."""
 PARTS = SPEED + STUDIES
@@ -96,7 +97,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
         yield "memory", lambda: memory_growth.measure(settings, arguments.minutes)
         return
     asked = arguments.parts
-    pieces = record_insertion(settings, SEED) if {"tick", "lockstep", "exchange"} & set(asked) else []
+    pieces = record_insertion(settings, SEED) if {"tick", "lockstep", "exchange", "impedance"} & set(asked) else []
     measurements: dict[str, Callable[[], list[Figure]]] = {
         "tick": lambda: tick_cost.measure(settings, pieces),
         "loop": lambda: loop_cost.measure(settings),
@@ -105,6 +106,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
         "exchange": lambda: exchange_cost.measure(settings, pieces),
         "planning": lambda: planning_cost.measure(settings),
         "guidance": lambda: guidance_cost.measure(settings, SEED),
+        "impedance": lambda: impedance_cost.measure(settings, pieces),
         "rod": rod_study.measure_mesh,
         "robustness": rod_study.measure_robustness,
         "phenomena": rod_study.measure_phenomena,

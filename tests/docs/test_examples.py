@@ -25,7 +25,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 WRITTEN = [p for p in PAGES if p.parent.name != "reference"]
 TUTORIAL = ROOT / "docs" / "tutorial" / "your-first-insertion.md"
 NEEDS_NO_CONTROLLER = ("sim", "log", "replay", "config", "warmup", "detector")
-FILE_OR_SIMULATION = ("backlash", "record", "stiffness", "array", "shape", "--sim")
+FILE_OR_SIMULATION = ("backlash", "record", "stiffness", "array", "shape", "saline", "--sim")
 """What a calibration that needs no controller has among its words."""
 NEEDS_CONTROLLER = "<!-- needs a controller -->"
 FAULT = 5

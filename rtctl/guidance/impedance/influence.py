@@ -11,6 +11,8 @@ from hal.kernel import kernel
 
 COLLINEAR = 1e-9
 """|d| / |r_0| below which point and element are on one line: what is left of d then is rounding."""
+NARROW = 0.1
+"""tan W up to which a series gives W to the last digit; from far away most elements are seen so."""
 
 
 @kernel
@@ -19,11 +21,7 @@ def flux_influence(x0, y0, x1, y1, x, y):
 
     Counter-clockwise around the domain, so that the normal points outwards. It is the angle W over 2 pi, signed.
     """
-    ax, ay, bx, by = x0 - x, y0 - y, x1 - x, y1 - y
-    cross = ax * by - ay * bx  # L d
-    if abs(cross) <= COLLINEAR * math.sqrt((ax * ax + ay * ay) * (bx * bx + by * by)):
-        return 0.0
-    return math.atan2(cross, ax * bx + ay * by) / (2.0 * math.pi)
+    return _angle(x0 - x, y0 - y, x1 - x, y1 - y) / (2.0 * math.pi)
 
 
 @kernel
@@ -34,8 +32,18 @@ def potential_influence(x0, y0, x1, y1, x, y):
     length = math.sqrt(tx * tx + ty * ty)
     near, far = (tx * ax + ty * ay) / length, (tx * bx + ty * by) / length
     logs = far * math.log(bx * bx + by * by) - near * math.log(ax * ax + ay * ay)
-    cross = ax * by - ay * bx
-    seen = 0.0
-    if abs(cross) > COLLINEAR * math.sqrt((ax * ax + ay * ay) * (bx * bx + by * by)):
-        seen = abs(cross) / length * math.atan2(abs(cross), ax * bx + ay * by)
-    return (logs - 2.0 * length + 2.0 * seen) / (4.0 * math.pi)
+    distance = (ax * by - ay * bx) / length  # d
+    return (logs - 2.0 * length + 2.0 * distance * _angle(ax, ay, bx, by)) / (4.0 * math.pi)
+
+
+@kernel
+def _angle(ax, ay, bx, by):
+    """From a to b, counter-clockwise [rad]; 0 if both are on one line through the point."""
+    cross, dot = ax * by - ay * bx, ax * bx + ay * by
+    if cross * cross <= COLLINEAR * COLLINEAR * (ax * ax + ay * ay) * (bx * bx + by * by):
+        return 0.0
+    if abs(cross) > NARROW * dot:
+        return math.atan2(cross, dot)
+    t = cross / dot
+    u = t * t
+    return t * (1.0 - u * (1 / 3 - u * (1 / 5 - u * (1 / 7 - u * (1 / 9 - u * (1 / 11 - u / 13))))))

@@ -8,21 +8,35 @@ is positive, and a drop of the impedance pulls the stylet.
 import math
 
 from hal.kernel import kernel
-from rtctl.electrode.array_shape import advance, mode_slopes, modes, polynomial
+from rtctl.electrode.array_shape import mode_slopes, modes, polynomial
 from rtctl.guidance.impedance.power_law import area_of_impedance, impedance_slope
+
+PANEL_MM = 1.5
+"""Longest interval of one quadrature: three Gauss points integrate J_pqs between two contacts to below 1e-7."""
+OUTER = 0.5 * math.sqrt(0.6)
+GAUSS = ((0.5 - OUTER, 5.0 / 18.0), (0.5, 4.0 / 9.0), (0.5 + OUTER, 5.0 / 18.0))
+"""Three-point Gauss-Legendre rule on [0, 1]: (node, weight)."""
 
 
 @kernel
 def approach_rates(modal_matrix, stylet_mm, place_mm, gain):
     """g_k = n_k . J_pqs(s_k) of every contact into `gain` (n,): by how much it nears the modiolus per mm of stylet.
 
-    place_mm (n,): s of the contacts from the grip, the one at the tip first, descending.
+    place_mm (n,): s of the contacts from the grip, the one at the tip first, descending. J_pqs is that of (II.8), not to
+    the last digit but in a third of the time: the tick in which this happens shall not stand out.
     """
     mode, slope = modes(modal_matrix, stylet_mm), mode_slopes(modal_matrix, stylet_mm)
     s = dx = dy = 0.0
     for k in range(place_mm.shape[0] - 1, -1, -1):
-        _, _, step_dx, step_dy = advance(mode, slope, s, place_mm[k])
-        s, dx, dy = place_mm[k], dx + step_dx, dy + step_dy
+        panels = max(1, math.ceil((place_mm[k] - s) / PANEL_MM))
+        h = (place_mm[k] - s) / panels
+        for _ in range(panels):
+            for node, weight in GAUSS:
+                theta = polynomial(mode, s + node * h)
+                rate = h * weight * polynomial(slope, s + node * h)
+                dx -= rate * math.sin(theta)
+                dy += rate * math.cos(theta)
+            s += h
         theta = polynomial(mode, s)
         gain[k] = math.cos(theta) * dy - math.sin(theta) * dx
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from bench.impedance_cost import solve_in_numpy
 from rtctl.guidance.impedance.boundary_elements import BoundaryError, polygon, solve
 from rtctl.guidance.impedance.influence import flux_influence, potential_influence
 from rtctl.guidance.impedance.pair_model import (
@@ -129,6 +130,17 @@ def test_closed_forms_are_the_integrals(x0, y0, x1, y1, x, y):
         assert form(x0, y0, x1, y1, x, y) == pytest.approx(exact, abs=1e-13)
 
 
+@given(angle=st.floats(1e-7, 0.2), turned=st.floats(-3.2, 3.2))
+def test_an_element_seen_from_far_away_is_seen_to_the_last_digit(angle, turned):
+    """Where the series takes over from the arc tangent."""
+    ends = [(3.0 * math.cos(turned + w), 3.0 * math.sin(turned + w)) for w in (0.0, angle)]
+    assert 2.0 * math.pi * flux_influence(*ends[0], *ends[1], 0.0, 0.0) == pytest.approx(angle, rel=1e-8, abs=2e-15)
+    exact = math.atan2(
+        ends[0][0] * ends[1][1] - ends[0][1] * ends[1][0], ends[0][0] * ends[1][0] + ends[0][1] * ends[1][1]
+    )
+    assert 2.0 * math.pi * flux_influence(*ends[0], *ends[1], 0.0, 0.0) == pytest.approx(exact, rel=1e-15, abs=0.0)
+
+
 def test_an_element_at_its_own_midpoint():
     length = 0.3
     assert flux_influence(0.0, 0.0, 0.1, math.sqrt(0.08), 0.05, math.sqrt(0.02)) == 0.0
@@ -166,6 +178,12 @@ def test_all_flux_influences_of_a_closed_boundary_add_up_to_one_inside_and_half_
     for point, total in (((0.4, 0.2), 1.0), ((0.4, -0.1), 0.0), ((0.41, 0.0), 0.5)):
         seen = sum(flux_influence(*a, *b, *point) for a, b in zip(node, after, strict=True))
         assert seen == pytest.approx(total, abs=1e-12)
+
+
+@pytest.mark.parametrize(("h", "alpha"), [(0.1, 0.0), (0.3, 0.5), (1.0, 1.0)])
+def test_the_printed_formulas_in_numpy_give_the_same(h, alpha):
+    """What the bench compares with."""
+    assert solve_in_numpy(fluid(h, alpha)) == pytest.approx(impedance_ohm(h, alpha), rel=1e-9)
 
 
 @given(h=st.floats(0.05, 0.8), alpha=st.floats(0.0, 0.9))
