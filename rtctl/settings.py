@@ -399,13 +399,14 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Settings:
     Raises:
         OptionError: missing file, broken TOML, unknown key, wrong type or value out of bounds.
     """
-    table = _read(find(path))
+    table = read_toml(find(path))
     for assignment in overrides:
         override(table, assignment)
     return from_table(table)
 
 
-def _read(file: Path) -> dict[str, Any]:
+def read_toml(file: Path) -> dict[str, Any]:
+    """The table in a file of settings, unchecked. Raises OptionError if it cannot be read or is not TOML."""
     try:
         return tomllib.loads(file.read_text())
     except OSError as error:
@@ -449,7 +450,7 @@ def find(path: str | Path) -> Path:
 def override(table: dict[str, Any], assignment: str) -> None:
     """Apply one ``a.b.c=value`` (TOML value; bare words are strings), or a TOML file as ``@FILE``, to a parsed table."""
     if assignment.startswith("@"):
-        _put_on_top(table, _read(Path(assignment[1:])))
+        _put_on_top(table, read_toml(Path(assignment[1:])))
         return
     key, sign, text = assignment.partition("=")
     if not sign or not key.strip():

@@ -120,13 +120,12 @@ def insert_array(
         WorkflowError: a step ended in another way than it should, or took too long.
         RtctlError: a command was refused, or there is no plan.
     """
-    flow, homing_s = settings.workflow, settings.homing.timeout_s
+    flow = settings.workflow
     entry, aside = np.array(flow.entry_pose_mm_rad), np.array(flow.retracted_pose_mm_rad)
     back = pose_before_entry(settings, robot, entry)
     script = Script(operator, report, STEPS)
 
-    script.do("enable", Verb.ENABLE, until=lambda r: r["powered"])
-    script.do("home", Verb.HOME, until=lambda r: r["is_homed"] and not r["is_busy"], timeout_s=homing_s + SLACK_S)
+    script.enable_and_home(settings)
     script.move("move to the entry", entry, settings)
     script.do("register the entry", Verb.REGISTER_ENTRY, until=lambda r: np.isfinite(r["pose_entry"]).all())
     script.move("retract", aside, settings)
@@ -181,6 +180,12 @@ class Script:
         self.step = name
         self._tell(0.0)
         return self._wait(self.operator.command(verb, *arguments), until, timeout_s, share)
+
+    def enable_and_home(self, settings: Settings) -> Any:
+        """The steps "enable" and "home"."""
+        timeout_s = settings.homing.timeout_s + SLACK_S
+        self.do("enable", Verb.ENABLE, until=lambda r: r["powered"])
+        return self.do("home", Verb.HOME, until=lambda r: r["is_homed"] and not r["is_busy"], timeout_s=timeout_s)
 
     def move(self, name: str, goal: np.ndarray, settings: Settings) -> Any:
         """Straight to the pose `goal`, for as long as the slowest coordinate needs."""

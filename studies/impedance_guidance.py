@@ -77,7 +77,7 @@ def bias_of(overrides: Sequence[str], seed: int, far_field_ohm: float = FAR_FIEL
     """Bias of every pair [ohm] of the array this seed gives, from a bath, so that far field reads c as in (VII.21)."""
     settings = load("planar-sim", [*overrides, "impedance.guidance=false", "backend.options.impedance.bath=true"])
     blocks: list[np.ndarray] = []
-    lockstep = Lockstep(settings, seed, lambda records, _: blocks.append(records.copy()))
+    lockstep = Lockstep(settings, seed, lambda records, _: blocks.append(records))
     lockstep.advance(BATH_TICKS)
     lockstep.close()
     pair, ohm = saline.samples_of(np.concatenate(blocks))

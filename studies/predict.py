@@ -14,25 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import ttest_ind
 
+from rtctl.study.admittance import REGULATED_N, SETS, Printed, law
 from rtctl.study.insertions import AS_THE_SOURCES, NO_CONTROL, WELL_REGISTERED, Insertions
 from studies.laboratory import Laboratory
 
 BASE = (*WELL_REGISTERED, *AS_THE_SOURCES)
 PHANTOM, BONE = "backend.options.trial.specimen=phantom", "backend.options.trial.specimen=bone"
-REGULATED_N = (-0.05, -0.10, -0.15)
-"""f_reg is not printed anywhere: a range."""
 COUNT = 20
-
-
-def law(lateral: float, stylet: float = 0.0, regulated_n: float = -0.1) -> list[str]:
-    """Settings of the force laws with gains in mm/(N s)."""
-    return [
-        f"admittance.lateral={str(lateral > 0).lower()}",
-        f"admittance.stylet={str(stylet > 0).lower()}",
-        f"admittance.lateral_gain_mm_per_n_s={float(lateral)}",
-        f"admittance.stylet_gain_mm_per_n_s={float(stylet)}",
-        f"admittance.regulated_force_n={regulated_n}",
-    ]
 
 
 @dataclass(frozen=True)
@@ -49,18 +37,19 @@ class Case:
 def cases() -> list[Case]:
     """Everything that is predicted, and the two sets it was fitted to."""
     late = "backend.options.phantom.stylet_late_mm"
+    printed = {one.name: _told(one.printed) for one in SETS}
     found = [
-        Case("set 0, phantom (fitted)", [*NO_CONTROL, PHANTOM], "42 (23) / 47 / 190 / 16"),
-        Case("set 0b, bone (fitted)", [*NO_CONTROL, BONE], "71 (33) / 110 / 284 / 26"),
-        Case("set 1, K_a 20", [*law(20), PHANTOM], "52 (29) / 76 / 186 / 22"),
-        Case("set 2, K_a 50", [*law(50), PHANTOM], "62 (34) / 91 / 168 / 26"),
+        Case("set 0, phantom (fitted)", [*NO_CONTROL, PHANTOM], printed["0"]),
+        Case("set 0b, bone (fitted)", [*NO_CONTROL, BONE], printed["0b"]),
+        Case("set 1, K_a 20", [*law(20), PHANTOM], printed["1"]),
+        Case("set 2, K_a 50", [*law(50), PHANTOM], printed["2"]),
     ]
     for regulated_n in REGULATED_N:
         named = f"f_reg {regulated_n:g} N"
         found += [
-            Case(f"set 3, K_i 50, {named}", [*law(50, 50, regulated_n), PHANTOM], "37 (18) / 50 / 124 / 18"),
-            Case(f"set 4, K_i 80, {named}", [*law(50, 80, regulated_n), PHANTOM], "44 (21) / 56 / 134 / 24"),
-            Case(f"set 5, bone, {named}", [*law(50, 80, regulated_n), BONE], "46 (5) / 51 / 143 / 31"),
+            Case(f"set 3, K_i 50, {named}", [*law(50, 50, regulated_n), PHANTOM], printed["3"]),
+            Case(f"set 4, K_i 80, {named}", [*law(50, 80, regulated_n), PHANTOM], printed["4"]),
+            Case(f"set 5, bone, {named}", [*law(50, 80, regulated_n), BONE], printed["5"]),
         ]
     found += [
         Case("stylet 0.5 mm early", [*NO_CONTROL, "backend.options.array.stylet_offset_mm=0.5"], "folds, most", 3.0),
@@ -77,6 +66,15 @@ def cases() -> list[Case]:
     for offset_mm in (-1.0, 1.0):
         found.append(Case(f"lateral law K_a 50, entry {offset_mm:+g} mm aside", [*law(50), f"backend.options.trial.lateral_mm={offset_mm}"], "corrected, or runs away"))  # fmt: skip
     return found
+
+
+def _told(printed: Printed) -> str:
+    """Mean (SD) / post-AOS / peak / lateral in mN."""
+    mean, sd, post, peak, lateral = (
+        f"{1e3 * force_n:.0f}"
+        for force_n in (printed.mean, printed.mean_sd, printed.post_aos, printed.peak, printed.lateral)
+    )
+    return f"{mean} ({sd}) / {post} / {peak} / {lateral}"
 
 
 def row(case: Case, found: Insertions, baseline: Insertions | None) -> str:

@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from rtctl.calibrate.errors import CalibrationError
-from rtctl.commands import Verb
 from rtctl.lockstep import Lockstep
 from rtctl.settings import Settings
 from rtctl.simulation import LockstepOperator, Recorder
-from rtctl.workflow import SLACK_S, Progress, Script
+from rtctl.workflow import Progress, Script
 
 PREPARATION = ("enable", "home")
 POSE = "pose_gripper_in_base"
@@ -40,9 +39,7 @@ class SimulatedRobot:
             WorkflowError: it cannot be homed.
         """
         script = Script(self.operator, report, (*PREPARATION, *steps))
-        script.do("enable", Verb.ENABLE, until=lambda r: r["powered"])
-        homing_s = self.settings.homing.timeout_s + SLACK_S
-        script.do("home", Verb.HOME, until=lambda r: r["is_homed"] and not r["is_busy"], timeout_s=homing_s)
+        script.enable_and_home(self.settings)
         return script
 
     def middle(self) -> np.ndarray:

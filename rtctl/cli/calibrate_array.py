@@ -1,13 +1,11 @@
 """``rtctl calibrate array`` and ``rtctl calibrate shape``: the model of an electrode array, measured or estimated."""
 
-from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rtctl.cli.calibrated import hash_of
+from rtctl.cli.calibrated import TO, hash_of, keep_as
 from rtctl.cli.console import grid, output, remark, say
 from rtctl.cli.exit_codes import Exit
 
@@ -19,10 +17,6 @@ if TYPE_CHECKING:
 
 SUSPICIOUS = 2.5
 """An image whose residual is so many times the median image's is worth a second look."""
-TO = Annotated[
-    Path | None,
-    typer.Option(help="File of the result; by default one named by the day. It must not exist.", dir_okay=False),
-]
 
 
 def add_to(group: typer.Typer) -> None:
@@ -56,7 +50,7 @@ def array(
         "from": f"{file.name}, sha256 {hash_of(file)}, {len(found.images)} images, {chords} chords",
         "residual": f"{found.rms_rad:.5f} rad rms; worst image {worst[1].name}, {worst[0]:.5f} rad rms",
     }
-    _keep("array", to or Path(f"{file.stem}-{_now():%Y-%m-%d}.toml"), provenance, found.modal_matrix)
+    keep_as("array", file.stem, to, provenance, _table(found.modal_matrix))
     if figure is not None:
         from rtctl.report import shapes_view, style
 
@@ -108,41 +102,24 @@ def shape(
         "mean of": "; ".join(origin),
         "difference to the mean shape": f"{found.rms_rad:.5f} rad rms",
     }
-    _keep("shape", to or Path(f"shape-{_now():%Y-%m-%d}.toml"), provenance, found.modal_matrix)
+    keep_as("shape", "shape", to, provenance, _table(found.modal_matrix))
     return Exit.OK
 
 
-def _keep(what: str, path: Path, provenance: Mapping[str, Any], modal_matrix: "np.ndarray") -> None:
-    from importlib import metadata
-
-    from rtctl.calibrate import fragment
-
-    origin = {"made": f"{_now():%Y-%m-%d %H:%M %z} by rtctl {metadata.version('rtctl')}"}
-    table = {"electrode": {"modal_matrix": modal_matrix.tolist()}}
-    fragment.write(path, fragment.text(f"rtctl calibrate {what}", origin | dict(provenance), table))
-    say(f"{path}: put it on top of your settings with --set @{path}")
-
-
-def _now() -> datetime:
-    return datetime.now().astimezone()
+def _table(modal_matrix: "np.ndarray") -> dict[str, dict[str, Any]]:
+    """The result as settings."""
+    return {"electrode": {"modal_matrix": modal_matrix.tolist()}}
 
 
 def _matrix_in(file: Path) -> "np.ndarray":
     """The modal matrix in a file of settings that has one."""
-    import tomllib
-
     import numpy as np
 
     from hal.errors import OptionError
     from hal.options import read
-    from rtctl.settings import Electrode
+    from rtctl.settings import Electrode, read_toml
 
-    try:
-        table = tomllib.loads(file.read_text()).get("electrode", {})
-    except OSError as error:
-        raise OptionError("the calibration cannot be read", value=str(file), remedy=str(error.strerror)) from None
-    except ValueError as error:
-        raise OptionError(f"{file} is not valid TOML", value=str(error), remedy="correct the line it names") from None
+    table = read_toml(file).get("electrode", {})
     if "modal_matrix" not in table:
         raise OptionError(f"{file} has no electrode.modal_matrix", remedy="give a result of `rtctl calibrate array`")
     return np.array(read(Electrode, table, "electrode").modal_matrix)

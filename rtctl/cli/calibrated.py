@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 TO = Annotated[
     Path | None,
-    typer.Option(help="File of the result; by default one named by robot and day. It must not exist.", dir_okay=False),
+    typer.Option(
+        help="File of the result; by default one with the day in its name. It must not exist.", dir_okay=False
+    ),
 ]
 SIM = Annotated[
     str | None,
@@ -32,16 +34,25 @@ def hash_of(file: Path) -> str:
 def keep(
     what: str, settings: "Settings", to: Path | None, provenance: Mapping[str, Any], tables: Mapping[str, Any]
 ) -> None:
-    """Write the result as a fragment of settings, and say how it is used."""
-    from rtctl.calibrate import fragment
+    """Keep the result of a robot's calibration as :func:`keep_as` does."""
     from rtctl.settings import config_hash
 
+    robot = settings.robot
+    origin = {"robot": f"{robot.name} ({robot.kind})", "settings": config_hash(settings)}
+    keep_as(what, f"{robot.name}-{what}", to, origin | dict(provenance), tables)
+
+
+def keep_as(what: str, stem: str, to: Path | None, provenance: Mapping[str, Any], tables: Mapping[str, Any]) -> None:
+    """Write the result as a fragment of settings, and say how it is used.
+
+    to: file; by default one named by `stem` and day. provenance: where it comes from, besides when and by what.
+    """
+    from importlib import metadata
+
+    from rtctl.calibrate import fragment
+
     now = datetime.now().astimezone()
-    path = to or Path(f"{settings.robot.name}-{what}-{now:%Y-%m-%d}.toml")
-    origin = {
-        "made": f"{now:%Y-%m-%d %H:%M %z}",
-        "robot": f"{settings.robot.name} ({settings.robot.kind})",
-        "settings": config_hash(settings),
-    }
-    fragment.write(path, fragment.text(f"rtctl calibrate {what}", origin | dict(provenance), tables))
+    path = to or Path(f"{stem}-{now:%Y-%m-%d}.toml")
+    made = {"made": f"{now:%Y-%m-%d %H:%M %z} by rtctl {metadata.version('rtctl')}"}
+    fragment.write(path, fragment.text(f"rtctl calibrate {what}", made | dict(provenance), tables))
     say(f"{path}: put it on top of your settings with --set @{path}")

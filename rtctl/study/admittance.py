@@ -69,6 +69,19 @@ SETS = (
 )
 
 
+def law(lateral_gain: float, stylet_gain: float = 0.0, regulated_n: float = math.nan) -> list[str]:
+    """Settings of the force laws with gains in mm/(N s), 0 for off; NaN leaves f_reg what it is."""
+    settings = [
+        f"admittance.lateral={str(lateral_gain > 0).lower()}",
+        f"admittance.stylet={str(stylet_gain > 0).lower()}",
+        f"admittance.lateral_gain_mm_per_n_s={lateral_gain}",
+        f"admittance.stylet_gain_mm_per_n_s={stylet_gain}",
+    ]
+    if not math.isnan(regulated_n):
+        settings.append(f"admittance.regulated_force_n={regulated_n}")
+    return settings
+
+
 @dataclass(frozen=True)
 class Case:
     """A set at one regulated force; NaN where it has no stylet law."""
@@ -85,17 +98,9 @@ class Case:
 
     def settings(self) -> Settings:
         """Settings of its insertions, on top of planar-sim."""
-        lateral, stylet = self.set.lateral_gain, self.set.stylet_gain
-        law = [
-            f"admittance.lateral={str(lateral > 0).lower()}",
-            f"admittance.stylet={str(stylet > 0).lower()}",
-            f"admittance.lateral_gain_mm_per_n_s={lateral}",
-            f"admittance.stylet_gain_mm_per_n_s={stylet}",
-        ]
-        if not math.isnan(self.regulated_n):
-            law.append(f"admittance.regulated_force_n={self.regulated_n}")
         specimen = f"backend.options.trial.specimen={self.set.specimen}"
-        return load("planar-sim", [*WELL_REGISTERED, *AS_THE_SOURCES, specimen, *law])
+        laws = law(self.set.lateral_gain, self.set.stylet_gain, self.regulated_n)
+        return load("planar-sim", [*WELL_REGISTERED, *AS_THE_SOURCES, specimen, *laws])
 
 
 def cases(first_seed: int = 0, sets: Iterable[Set] = SETS) -> list[Case]:
@@ -171,6 +176,7 @@ def table(todo: list[Case], found: list[Insertions]) -> str:
 
 
 def _mn(force_n: float) -> str:
+    """As it stands in the tables: millinewtons."""
     return f"{1e3 * force_n:.0f}"
 
 
