@@ -110,7 +110,7 @@ def read_table(path: str | Path) -> dict[str, Any]:
         table = json.loads(file.read_text())
     except OSError as error:
         raise DetectorError("the detector cannot be read", value=str(path), remedy=f"{error.strerror}; make one with `rtctl detector train`") from None  # fmt: skip
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DetectorError(f"{path} is no detector: it is not JSON", value=str(error), remedy="make one with `rtctl detector train`") from None  # fmt: skip
     if not isinstance(table, dict):
         raise DetectorError(f"{path} is no detector", value=type(table).__name__, bound="a JSON table")

@@ -67,7 +67,10 @@ def test_what_was_trained_on_something_else_is_refused(table, path, value, reaso
         detector_file.from_table(spoilt(table, path, value))
 
 
-@pytest.mark.parametrize(("text", "reason"), [("", "not JSON"), ("[1, 2]", "no detector"), ('{"b": NaN', "not JSON")])
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("", "not JSON"), ("[1, 2]", "no detector"), ('{"b": NaN', "not JSON"), ("[" * 100_000, "not JSON")],
+)
 def test_what_is_no_table_is_refused(tmp_path, text, reason):
     path = tmp_path / "detector.json"
     path.write_text(text)
