@@ -34,7 +34,9 @@ def sensor_frame(axes: int) -> np.dtype:
         circuit reads about 28.8 kohm and a short next to nothing: samples like any other, and no numbers to control by.
     impedance_pair: which pair that was, counted from the tip of the array; -1 for none. A backend without telemetry says
         INVALID, NaN and -1.
-    powered: the amplifiers are energised. power_fault: the device itself removed power and latched that.
+    powered: the amplifiers are energised.
+    trouble: code of hal.troubles.Trouble, the gravest there is, 0 for none; trouble_value: the number that belongs to it;
+        trouble_device: which device of the backend says so, -1 for none; trouble_grade: a hal.troubles.Grade.
     """
     return np.dtype(
         [
@@ -44,16 +46,20 @@ def sensor_frame(axes: int) -> np.dtype:
             ("axes_sequence", "i8"),
             ("wrench_sequence", "i8"),
             ("impedance_sequence", "i8"),
+            ("trouble_value", "f8"),
             ("impedance_pair", "i4"),
             ("axes_age_ticks", "i4"),
             ("wrench_age_ticks", "i4"),
             ("impedance_age_ticks", "i4"),
+            ("trouble", "i4"),
+            ("trouble_device", "i4"),
             ("axes_validity", "u1"),
             ("wrench_validity", "u1"),
             ("impedance_validity", "u1"),
             ("powered", "u1"),
             ("watchdog_tripped", "u1"),
             ("amplifier_fault", "u1"),
+            ("trouble_grade", "u1"),
         ],
         align=True,
     )
