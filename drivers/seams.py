@@ -11,8 +11,8 @@ class TargetSeams:
     """Port instructions, UDP sockets, serial ports and CAN interfaces of this machine."""
 
     def ports(self, base: int, size: int) -> PortIO:
-        """Through the C helper with ioperm; see :mod:`drivers.ports.native`."""
-        from drivers.ports.native import NativePorts  # only a machine with such a card needs a compiler
+        """Through the C helper with ioperm; see :mod:`drivers.sensoray526.native`."""
+        from drivers.sensoray526.native import NativePorts  # only a machine with such a card needs a compiler
 
         return NativePorts(base, size)
 
