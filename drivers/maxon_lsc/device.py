@@ -38,7 +38,7 @@ class LscAxis:
         o.check(where)
         self.name, self.axes, self._axis = name, (o.axis,), o.axis
         self._period_s = site.period_s
-        self._card = card = site.find(o.card, AnalogCard, name)
+        self._card = card = site.find(o.card, AnalogCard, name)  # type: ignore[type-abstract]
         if o.enable_line == o.ready_line:
             raise OptionError(f"{where}: Enable and Ready cannot share a line", value=o.enable_line)
         card.use_counter(o.counter, name)

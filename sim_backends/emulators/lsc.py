@@ -6,7 +6,7 @@ The card has to be emulated too, and made before: :meth:`set_encoder`, :meth:`se
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 from hal.emulator import Bench, Station
 from hal.errors import BackendError
@@ -28,7 +28,7 @@ class EmulatedLsc:
     def __init__(self, name: str, table: Mapping[str, Any], station: Station) -> None:
         if table["card"] not in station.emulators:
             raise BackendError(f"emulated {name} needs its card", value=table["card"], remedy="list the card before it")
-        self._card: Any = station.emulators[table["card"]]
+        self._card = cast(Any, station.emulators[table["card"]])
         self._axis, self._counter, self._output = table["axis"], table["counter"], table["output"]
         self._enable, self._ready = table["enable_line"], table["ready_line"]
         turn = QUADRATURE * table["lines"] if "lines" in table else 0
