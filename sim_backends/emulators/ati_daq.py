@@ -27,6 +27,7 @@ class EmulatedAtiDaq:
     """
 
     faults = ("gauge_rail", "cable_off", "gauge_freeze", "drift", "noise", "overload")
+    apart = False
 
     def __init__(self, name: str, table: Mapping[str, Any], station: Station) -> None:
         if table["card"] not in station.emulators:

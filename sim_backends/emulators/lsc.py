@@ -24,6 +24,7 @@ class EmulatedLsc:
     """
 
     faults = ("not_ready", "overheat", "encoder_cut", "encoder_inverted", "command_open")
+    apart = False
 
     def __init__(self, name: str, table: Mapping[str, Any], station: Station) -> None:
         if table["card"] not in station.emulators:
