@@ -7,9 +7,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from drivers.maxon_lsc.encoder import DRIFT_COUNTS, LOST_COUNTS, Encoder, Index, Stall, WrongWay
-from drivers.maxon_lsc.motor import Motor
+from drivers.maxon_lsc import watch
+from drivers.maxon_lsc.bounds import Bounds
 from drivers.maxon_lsc.options import GAINS, LscOptions
+from drivers.maxon_lsc.state import axis_state
 from drivers.tally import Tally
 from hal import options
 from hal.card import AnalogCard
@@ -18,8 +19,13 @@ from hal.errors import OptionError
 from hal.frames import VALID
 from hal.troubles import Trouble
 
-DEBOUNCE = 2
-"""Reads in a row that make a change of the Ready line (07 section 7)."""
+TROUBLES = {
+    watch.JUMPED: Trouble.ENCODER_JUMP, watch.ILLEGAL: Trouble.ENCODER_ERROR, watch.STALLED: Trouble.ENCODER_STALLED,
+    watch.INDEX_DRIFTS: Trouble.INDEX_DRIFT, watch.INDEX_LOST: Trouble.INDEX_LOST, watch.WRONG_WAY: Trouble.WRONG_WAY,
+    watch.NOT_READY: Trouble.AMPLIFIER_NOT_READY, watch.HOT: Trouble.MOTOR_HOT,
+}  # fmt: skip
+COUNTS_TOLD = {watch.JUMPED: "jumped_by", watch.INDEX_DRIFTS: "index_off_by", watch.INDEX_LOST: "index_off_by"}
+"""Troubles whose text names counts; the others name the axis."""
 
 
 class LscAxis:
@@ -45,129 +51,93 @@ class LscAxis:
         card.use_output(o.output, name)
         card.use_line(o.enable_line, name, output=True)
         card.use_line(o.ready_line, name, output=False)
+        self._bounds = Bounds(o)
         self._restart()
 
     def _restart(self) -> None:
-        o = self.options
-        self._encoder, self._motor = Encoder(o, self._period_s), Motor(o, self._period_s)
-        self._index = Index(o)
-        self._stall = Stall(max(round(o.stall_s / self._period_s), 1))
-        self._wrong_way = WrongWay(round(o.wrong_way_s / self._period_s))
-        self._tally = Tally()
-        self._sequence, self._sampled, self._tick = -1, -1, -1
-        self._ready, self._fault, self._high, self._low = False, False, 0, 0
-        self._held = self._enabled = self._jumped = False
+        self._state, self._tally = axis_state(self.options, self._period_s, f"device {self.name}"), Tally()
+        self._found, self._held, self._enabled, self._ready = 0, False, False, False
         self._command_v = 0.0
 
     def open(self) -> None:
-        """Angles count from the first sample after this."""
+        """Angles count from the first sample after this; everything is compiled when it returns."""
+        self._restart()
+        self._follow(0)
         self._restart()
 
     def begin(self, tick: int) -> None:
         """Nothing takes time: the card samples."""
 
+    def _follow(self, tick: int) -> tuple[int, float, int, int, int]:
+        card, o = self._card, self.options
+        return watch.follow(
+            self._state, tick, self._enabled, self._command_v, o.counter, card.line, card.count_sequence, card.count_validity,
+            card.count, card.count_error, card.index_sequence, card.index_count, o.ready_line,
+        )  # fmt: skip
+
     def read(self, tick: int, readings: Readings) -> None:
         """Angle, power and fault of the axis."""
-        axis, tally = self._axis, self._tally
-        ticks = max(tick - self._tick, 1) if self._tick >= 0 else 1
-        self._tick = tick
-        self._motor.pass_ticks(ticks, self._command_v, self._encoder.speed_rad_per_s, self._enabled)
-        if self._motor.hot:
-            tally.report(tick, readings, Trouble.MOTOR_HOT, axis)
-        if self._watch_ready():
-            tally.report(tick, readings, Trouble.AMPLIFIER_NOT_READY, axis)
-        readings.axis_fault[axis] = self._fault
+        axis = self._axis
+        validity, angle_rad, age, ready, found = self._follow(tick)
+        self._found, self._ready = found, ready != 0
+        fault = found & watch.NOT_READY != 0
+        if fault and self._enabled:
+            self._held = True
+        readings.axis_fault[axis] = fault
         readings.axis_powered[axis] = self._enabled and not self._held
-        self._read_count(tick, readings)
-        if self._index.off_by:
-            off = abs(self._index.off_by)
-            if off > LOST_COUNTS:
-                tally.report(tick, readings, Trouble.INDEX_LOST, self._index.off_by)
-            elif off > DRIFT_COUNTS:
-                tally.report(tick, readings, Trouble.INDEX_DRIFT, self._index.off_by)
-
-    def _watch_ready(self) -> bool:
-        """True while Ready is open: the amplifier pulls it low as long as it is healthy, so a cut wire is a fault too."""
-        if self._card.line.item(self.options.ready_line):
-            self._high, self._low = self._high + 1, 0
-        else:
-            self._high, self._low = 0, self._low + 1
-        if self._high >= DEBOUNCE:
-            self._fault, self._ready = True, False
-            self._held = self._held or self._enabled
-        elif self._low >= DEBOUNCE:
-            self._fault, self._ready = False, True
-        return self._fault
-
-    def _read_count(self, tick: int, readings: Readings) -> None:
-        card, o, axis, encoder, tally = self._card, self.options, self._axis, self._encoder, self._tally
-        if card.count_validity.item(o.counter) != VALID:
-            self._wrong_way.restart()
-            return
-        wrong = False
-        if card.count_sequence != self._sequence:
-            ticks = max(tick - self._sampled, 1) if self._sampled >= 0 else 1
-            self._sequence, self._sampled = card.count_sequence, tick
-            count = card.count.item(o.counter)
-            encoder.take(count, ticks)
-            self._jumped = encoder.jumped_by != 0
-            if o.index:
-                self._index.take(card.index_sequence.item(o.counter), card.index_count.item(o.counter))
-            if self._jumped:
-                tally.report(tick, readings, Trouble.ENCODER_JUMP, encoder.jumped_by)
-            if card.count_error.item(o.counter):
-                tally.report(tick, readings, Trouble.ENCODER_ERROR, axis)
-                wrong = True
-            self._watch_motion(tick, readings, o.encoder_direction * count, ticks)
-        if not (wrong or self._jumped):
+        if validity == VALID:
             readings.axis_validity[axis] = VALID
-            readings.axis_angle_rad[axis] = encoder.angle_rad
-            readings.axis_sequence[axis] = self._sequence
-            readings.axis_age_ticks[axis] = tick - self._sampled
+            readings.axis_angle_rad[axis] = angle_rad
+            readings.axis_sequence[axis] = self._card.count_sequence
+            readings.axis_age_ticks[axis] = age
+        if found:
+            self._report(tick, readings, found)
 
-    def _watch_motion(self, tick: int, readings: Readings, count: int, ticks: int) -> None:
-        push = 0
-        if self._enabled and abs(self._command_v) > self.options.breakaway_v:
-            push = 1 if self._command_v > 0.0 else -1
-        if self._stall.take(count, push, ticks):
-            self._tally.report(tick, readings, Trouble.ENCODER_STALLED, self._axis)
-        if ticks > 1 or self._jumped:
-            self._wrong_way.restart()
-        elif self._wrong_way.take(count, push):
-            self._tally.report(tick, readings, Trouble.WRONG_WAY, self._axis)
+    def _report(self, tick: int, readings: Readings, found: int) -> None:
+        for bit, trouble in TROUBLES.items():
+            if found & bit:
+                value = float(self._state[0][COUNTS_TOLD[bit]]) if bit in COUNTS_TOLD else self._axis
+                self._tally.report(tick, readings, trouble, value)
 
     def write(self, tick: int, demand: Demand) -> None:  # noqa: ARG002
         """Stage set value and Enable on the card."""
         if not demand.power:
             self._held = False
-        self._enabled = demand.power and self._ready and not self._held
-        command_v = demand.command_v.item(self._axis) if self._enabled else 0.0
-        self._put(self._motor.bound_v(command_v, self._encoder.speed_rad_per_s))
+            self._put(0.0, False)
+        elif self._held or not self._ready:
+            self._put(0.0, False)
+        elif self._bounds.needs_speed:
+            speed = float(self._state[0]["speed_rad_per_s"])
+            self._put(
+                self._bounds.apply_at(demand.command_v.item(self._axis), self._found & watch.HOT != 0, speed), True
+            )
+        else:
+            self._put(self._bounds.apply(demand.command_v.item(self._axis), self._found & watch.HOT != 0), True)
 
-    def _put(self, command_v: float) -> None:
+    def _put(self, command_v: float, enabled: bool) -> None:
         o = self.options
-        self._command_v = command_v
+        self._command_v, self._enabled = command_v, enabled
         self._card.put_voltage(o.output, o.command_direction * command_v)
-        self._card.put_line(o.enable_line, self._enabled)
+        self._card.put_line(o.enable_line, enabled)
 
     def close(self) -> None:
         """Stage zero; the card, which closes after this, passes it on."""
-        self._enabled = False
-        self._put(0.0)
+        self._put(0.0, False)
 
     def health(self) -> Health:
         """Where it is wired and what the amplifier is set to."""
         o = self.options
         gain = f"{GAINS[o.mode]} = {getattr(o, GAINS[o.mode]):g}"
         identity = f"axis {o.axis}: counter {o.counter}, output {o.output} of {o.card}; mode {o.mode}, {gain}"
-        age = self._tick - self._sampled if self._sampled >= 0 else NEVER
+        state = self._state[0]
+        age = int(state["tick"] - state["sampled"]) if state["sampled"] >= 0 else NEVER
         return Health(identity, age_ticks=age, errors=dict(self._tally.errors))
 
     def probe(self) -> list[Finding]:
         """The Ready line and the counter; polarities show only in motion, see docs/how-to/wire-lsc-amplifiers.md."""
         o, card = self.options, self._card
         ready, counts = not card.line.item(o.ready_line), card.count_validity.item(o.counter) == VALID
-        angle = math.degrees(self._encoder.angle_rad)
+        angle = math.degrees(self._state[0]["angle_rad"])
         return [
             Finding(f"Ready of axis {o.axis} on line {o.ready_line}", "low: ready" if ready else "high: fault, or open wire", ready, "check the amplifier's supply, the wire and its pull-up"),
             Finding(f"encoder of axis {o.axis} on counter {o.counter}", f"{angle:.2f} degrees since opened" if counts else "not read", counts, "check the card; then turn the shaft by hand and probe again"),

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drivers.maxon_lsc import watch
 from drivers.maxon_lsc.device import LscAxis
-from drivers.maxon_lsc.encoder import Index, WrongWay
+from drivers.maxon_lsc.state import AXIS
 from hal.errors import BackendError, OptionError
 from hal.frames import INVALID, VALID
 from hal.troubles import TABLE, Grade, Trouble
@@ -213,12 +214,18 @@ def test_a_load_that_drives_the_motor_back_evenly_is_not_the_wrong_way(rig):
     assert rig.steps(500, 5.0, True) == {0}
 
 
-def test_wrong_way_window_needs_an_unbroken_row_of_samples():
-    watch = WrongWay(20)
-    for i in range(100):
-        if i % 15 == 0:
-            watch.restart()
-        assert not watch.take(-i * i, 1)
+def test_missed_ticks_do_not_make_a_motor_that_comes_back_a_runaway(rig):
+    """It slows down evenly, and of every 15 ticks two are missed: halves of a window would not be of the same length."""
+    speed = [0.05]
+
+    def slowing(bench):
+        bench.angle_rad[0] -= speed[0]
+        speed[0] *= 0.999
+
+    rig.physics = slowing
+    rig.steps(10)
+    for i in range(300):
+        assert rig.step(5.0, True, skip=2 if i % 15 == 14 else 0).trouble == 0
 
 
 @pytest.mark.parametrize("jump", [400, -400, 2**23])
@@ -281,17 +288,14 @@ def test_lost_counts_are_found_at_the_next_index(rig, lost, trouble):
 
 @given(st.integers(1, 5000), st.integers(-20, 20), st.lists(st.integers(-(10**9), 10**9), min_size=1, max_size=5))
 def test_index_is_compared_modulo_a_turn(lines, off, turns):
-    class Options:
-        pass
-
-    Options.lines = lines
-    index = Index(Options)
-    index.take(0, 0)
-    index.take(1, 17)
+    axis = np.zeros(1, AXIS)[0]
+    axis["turn_counts"], axis["index_seen"] = 4 * lines, -1
+    watch.take_index(axis, 0, 0)
+    watch.take_index(axis, 1, 17)
     for i, n in enumerate(turns):
-        index.take(2 + i, 17 + 4 * lines * n + off)
-        assert (index.off_by - off) % (4 * lines) == 0
-        assert abs(index.off_by) <= 2 * lines
+        watch.take_index(axis, 2 + i, 17 + 4 * lines * n + off)
+        assert (axis["index_off_by"] - off) % (4 * lines) == 0
+        assert abs(axis["index_off_by"]) <= 2 * lines
 
 
 def test_motor_gets_hot_as_the_model_says_and_is_folded_back(rig):
@@ -367,6 +371,7 @@ def test_stylet_drive_is_the_same_kind_with_a_hard_clamp(lockstep):
         ({"peak_a": 0.1}, "peak_a"),
         ({"command_limit_v": 1.0}, "breakaway"),
         ({"ready_line": 0}, "share"),
+        ({"wrong_way_s": 0.5}, "wrong_way_s"),
         ({"counter": 4}, "counter 4"),
         ({"card": "other"}, "not there"),
         ({"colour": "red"}, "unknown"),
