@@ -8,22 +8,27 @@ from typing import Any
 
 import numpy as np
 
-from drivers.ati import calibration
-from drivers.ati.gauges import GAUGES, Gauges
+from drivers.ati import calibration, gauges
+from drivers.ati.gauges import GAUGES, HIGH_PERCENT, TRANSDUCER
 from drivers.ati.mounting import Mounting
 from drivers.tally import Tally
 from hal import options
 from hal.card import AnalogCard
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
 from hal.errors import OptionError
-from hal.frames import FROZEN, INVALID, SATURATED, VALID
+from hal.frames import INVALID, VALID
 from hal.options import option
 from hal.troubles import Trouble
 
-HIGH_PERCENT, RATED_PERCENT = 80.0, 100.0
 T_OUT_V = (-1.6, -1.5)
 """Of a transducer without temperature compensation by a seventh channel."""
 T_OUT_COMPENSATED_V = (0.5, math.inf)
+TROUBLES = {
+    gauges.CABLE: (Trouble.GAUGE_CABLE, "railed"), gauges.RAILED: (Trouble.GAUGE_SATURATED, "railed"),
+    gauges.STUCK: (Trouble.GAUGE_FROZEN, "stuck"), gauges.NOISY: (Trouble.GAUGE_NOISE, "noise_v"),
+    gauges.HIGH: (Trouble.LOAD_HIGH, "load_percent"), gauges.OVER_RATED: (Trouble.LOAD_OVER_RATED, "load_percent"),
+}  # fmt: skip
+"""What a bit means, and where the number of its text is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,19 +80,31 @@ class AtiDaq:
             self._card.use_input(channel, name)
         if o.t_out_input is not None:
             self._card.use_input(o.t_out_input, name)
-        self._zero_v = np.array(o.zero_v)
-        self._to_wrench = np.ascontiguousarray(o.into_f @ c.matrix)
-        self._to_percent = np.ascontiguousarray(100.0 * c.matrix / c.rated[:, None])
-        self._gauge_v, self._wrench, self._percent = np.empty(GAUGES), np.empty(6), np.empty(6)
+        self._wrench = np.full(6, math.nan)
         self._restart()
 
     def _restart(self) -> None:
-        self._gauges, self._tally = Gauges(self.options.frozen_samples, self.options.noise_v), Tally()
+        o, c = self.options, self.calibration
+        self._state = np.zeros(1, TRANSDUCER)
+        t = self._state[0]
+        t["inputs"], t["t_out_input"] = self._inputs, -1 if o.t_out_input is None else o.t_out_input
+        t["thermistor_v"] = math.nan
+        t["t_out_low_v"], t["t_out_high_v"] = T_OUT_V
+        if c.thermistor_v is not None:
+            t["bias_slope"], t["gain_slope"], t["thermistor_v"] = c.bias_slope, c.gain_slope, c.thermistor_v
+            t["t_out_low_v"], t["t_out_high_v"] = T_OUT_COMPENSATED_V
+        t["zero_v"], t["to_wrench"], t["to_percent"] = (
+            o.zero_v,
+            o.into_f @ c.matrix,
+            100.0 * c.matrix / c.rated[:, None],
+        )
+        t["frozen_samples"], t["noise_limit_v"], t["clean"] = o.frozen_samples, o.noise_v, gauges.SETTLED
+        self._tally, self._validity, self._found = Tally(), INVALID, 0
         self._sequence, self._sampled, self._tick = -1, -1, -1
-        self._load, self._cable_off = math.nan, False
 
     def open(self) -> None:
-        """The card is open already."""
+        """The card is open already; everything is compiled when this returns."""
+        self._sample()
         self._restart()
 
     def begin(self, tick: int) -> None:
@@ -102,52 +119,23 @@ class AtiDaq:
         if card.voltage_sequence != self._sequence:
             self._sequence, self._sampled = card.voltage_sequence, tick
             self._sample()
-        validity = self._judge(tick, readings)
-        readings.wrench_validity = validity
+        if self._found:
+            self._report(tick, readings)
+        readings.wrench_validity = self._validity
         readings.wrench_sequence, readings.wrench_age_ticks = self._sequence, tick - self._sampled
-        if validity == VALID:
+        if self._validity == VALID:
             readings.wrench_in_sensor[:] = self._wrench
 
     def _sample(self) -> None:
-        card, gauge_v, c = self._card, self._gauge_v, self.calibration
-        card.voltage_v.take(self._inputs, out=gauge_v, mode="clip")
-        railed = card.railed.take(self._inputs).tolist()
-        self._gauges.take(card.code.take(self._inputs).tolist(), gauge_v.tolist(), railed)
-        if self.options.t_out_input is not None:
-            t_out_v = card.voltage_v.item(self.options.t_out_input)
-            low, high = T_OUT_V if c.thermistor_v is None else T_OUT_COMPENSATED_V
-            self._cable_off = not low <= t_out_v <= high or card.railed.item(self.options.t_out_input)
-            if c.thermistor_v is not None and c.bias_slope is not None and c.gain_slope is not None:
-                warmth_v = t_out_v - c.thermistor_v
-                gauge_v += c.bias_slope * warmth_v
-                gauge_v /= 1.0 - c.gain_slope * warmth_v
-        gauge_v -= self._zero_v
-        np.dot(self._to_wrench, gauge_v, out=self._wrench)
-        np.dot(self._to_percent, gauge_v, out=self._percent)
-        self._load = max(map(abs, self._percent.tolist()))
+        card = self._card
+        self._validity, self._found = gauges.take_sample(
+            self._state, card.code, card.voltage_v, card.railed, self._wrench
+        )
 
-    def _judge(self, tick: int, readings: Readings) -> int:
-        gauges, tally = self._gauges, self._tally
-        if gauges.all_railed or self._cable_off:
-            tally.report(tick, readings, Trouble.GAUGE_CABLE, math.nan)
-            return SATURATED if gauges.railed else INVALID
-        if gauges.railed:
-            tally.report(tick, readings, Trouble.GAUGE_SATURATED, gauges.railed)
-            return SATURATED
-        if not gauges.settled:
-            return SATURATED
-        if gauges.frozen:
-            tally.report(tick, readings, Trouble.GAUGE_FROZEN, gauges.frozen)
-            return FROZEN
-        if not math.isfinite(self._load):
-            return INVALID
-        if self._load >= RATED_PERCENT:
-            tally.report(tick, readings, Trouble.LOAD_OVER_RATED, self._load)
-        elif self._load >= HIGH_PERCENT:
-            tally.report(tick, readings, Trouble.LOAD_HIGH, self._load)
-        if gauges.noise_v > self.options.noise_v:
-            tally.report(tick, readings, Trouble.GAUGE_NOISE, gauges.noise_v)
-        return VALID
+    def _report(self, tick: int, readings: Readings) -> None:
+        for bit, (trouble, number) in TROUBLES.items():
+            if self._found & bit:
+                self._tally.report(tick, readings, trouble, float(self._state[0][number]))
 
     def write(self, tick: int, demand: Demand) -> None:
         """A transducer is not commanded."""
@@ -162,13 +150,13 @@ class AtiDaq:
 
     def probe(self) -> list[Finding]:
         """The gauges as they are: what `zero_v` is to be if the transducer bears nothing now."""
-        gauges = self._gauges
-        volts = " ".join(f"{v:.4f}" for v in (self._gauge_v + self._zero_v).tolist())
-        sampled = self._sampled >= 0
+        t, sampled = self._state[0], self._sampled >= 0
+        volts = " ".join(f"{v:.4f}" for v in t["gauge_v"].tolist())
+        off = self._found & gauges.CABLE != 0
         return [
             Finding("calibration", self.calibration.identity, True),
-            Finding("gauge voltages", volts if sampled else "not read", sampled and not gauges.railed, "check the transducer's cable and the inputs' order"),
-            Finding("transducer's cable", "off" if self._cable_off or gauges.all_railed else "on", not (self._cable_off or gauges.all_railed), "plug it in; check T-out"),
-            Finding("load in per cent of rated", f"{self._load:.0f}", self._load < HIGH_PERCENT, "unload it, then set zero_v to the gauge voltages"),
-            Finding("noise", f"{1e3 * gauges.noise_v:.2f} mV rms", gauges.noise_v <= self.options.noise_v, "check shield and ground"),
+            Finding("gauge voltages", volts if sampled else "not read", sampled and not t["railed"], "check the transducer's cable and the inputs' order"),
+            Finding("transducer's cable", "off" if off else "on", not off, "plug it in; check T-out"),
+            Finding("load in per cent of rated", f"{t['load_percent']:.0f}", t["load_percent"] < HIGH_PERCENT, "unload it, then set zero_v to the gauge voltages"),
+            Finding("noise", f"{1e3 * t['noise_v']:.2f} mV rms", t["noise_v"] <= t["noise_limit_v"], "check shield and ground"),
         ]  # fmt: skip

@@ -80,11 +80,11 @@ class LscAxis:
         axis = self._axis
         validity, angle_rad, age, ready, found = self._follow(tick)
         self._found, self._ready = found, ready != 0
-        fault = found & watch.NOT_READY != 0
-        if fault and self._enabled:
-            self._held = True
-        readings.axis_fault[axis] = fault
-        readings.axis_powered[axis] = self._enabled and not self._held
+        if found & watch.NOT_READY:
+            readings.axis_fault[axis] = True
+            self._held = self._held or self._enabled
+        if self._enabled and not self._held:
+            readings.axis_powered[axis] = True
         if validity == VALID:
             readings.axis_validity[axis] = VALID
             readings.axis_angle_rad[axis] = angle_rad
