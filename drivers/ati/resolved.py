@@ -43,14 +43,14 @@ class Scale:
         force = FORCE_N[options.force_unit] / options.counts_per_force
         torque = TORQUE_NMM[options.torque_unit] / options.counts_per_torque
         factors = np.array([force] * 3 + [torque] * 3)
-        self._to_wrench = np.ascontiguousarray(options.into_f * factors)
         rated = options.rated_n_nmm or (np.inf,) * 6
-        self._percent_per_count = (100.0 * factors / rated).tolist()
-        self._counts = np.zeros(6)
-        self.wrench, self.load_percent = np.full(6, np.nan), 0.0
+        self._to_both = np.vstack([options.into_f * factors, np.diag(100.0 * factors / rated)])
+        self._counts, self._both = np.zeros(6), np.full(12, np.nan)
+        self.wrench, self._percent = self._both[:6], self._both[6:]
+        self.load_percent = 0.0
 
     def take(self, counts: Sequence[int]) -> None:
         """Six counts of a new record."""
         self._counts[:] = counts
-        np.dot(self._to_wrench, self._counts, out=self.wrench)
-        self.load_percent = max(abs(c * k) for c, k in zip(counts, self._percent_per_count, strict=True))
+        np.dot(self._to_both, self._counts, out=self._both)
+        self.load_percent = max(map(abs, self._percent.tolist()))

@@ -1,6 +1,9 @@
 """One axis through its real driver: angles, power, and every row of the failure table that concerns it."""
 
 import math
+import re
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -405,3 +408,17 @@ def test_health_and_probe_say_what_is_wired_and_what_was_wrong(rig):
     assert health.errors == {"amplifier_not_ready": 2}
     assert "counter 1" in health.identity
     assert health.age_ticks == 0
+
+
+def test_the_settings_of_the_how_to_are_accepted(lockstep):
+    page = Path(__file__).parents[3] / "docs" / "how-to" / "wire-lsc-amplifiers.md"
+    entries = [
+        tomllib.loads(b)["backend"]["options"]["devices"][0]
+        for b in re.findall("```toml\n(.*?)```", page.read_text(), re.S)
+    ]
+    assert len(entries) == 2
+    rig = lockstep()
+    for entry in entries:
+        assert entry.pop("kind") == "lsc_axis"
+        rig.site.devices[entry["card"]] = rig.site.devices["card"]
+        LscAxis(entry.pop("name"), entry, rig.site)
