@@ -142,10 +142,10 @@ class CimTelemetry:
     def _fill(self, tick: int, readings: Readings) -> None:
         session = self._session
         readings.impedance_sequence = session.delivered
-        if not session.delivered:
+        if session.pair < 0:
             return
         readings.impedance_age_ticks = min(tick - session.sample_tick, NEVER)
-        if tick < session.armed_from or self._silence(tick) > self._silent:
+        if self._silence(tick) > self._silent:
             readings.impedance_validity = INVALID
         elif session.repeated >= self.options.frozen_sweeps:
             readings.impedance_validity = FROZEN

@@ -18,7 +18,7 @@ class Session:
     """Keeps the samples of a stream and passes them on one a tick.
 
     Attributes:
-        ohm, pair, sample_tick: of the sample passed on last. delivered: how many were.
+        ohm, pair, sample_tick: of the sample passed on last; pair -1 for none of this run. delivered: how many were, ever.
         newest_tick: when the newest sample was taken, in our time; None before the first of a run.
         armed_from: tick from which samples are passed on again after the sender started anew.
         stale: pairs not heard for two sweeps. repeated: sweeps in a row in which all pairs read the same.
@@ -27,8 +27,7 @@ class Session:
 
     def __init__(self, pairs: int, sweep_ticks: int, period_us: float) -> None:
         self._pairs, self._sweep_ticks, self._period_us = pairs, sweep_ticks, period_us
-        self.ohm, self.pair, self.sample_tick, self.delivered = nan, -1, 0, 0
-        self.armed_from = self.overflows = self.withheld = 0
+        self.armed_from = self.overflows = self.withheld = self.delivered = 0
         self._gap = self._gap_until = 0
         self._begin_run()
 
@@ -37,6 +36,7 @@ class Session:
         self._memory = PairMemory(self._pairs, self._sweep_ticks)
         self._queue = deque[tuple[float, int, int]]()
         self.newest_tick: int | None = None
+        self.ohm, self.pair, self.sample_tick = nan, -1, 0
         self.stale = self.repeated = 0
 
     def start_anew(self, tick: int) -> None:
