@@ -5,11 +5,12 @@ Written from the specification on its own, and the other way round than a driver
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+
+from hal.files import find
 
 NEWTONS = {"N": 1.0, "lb": 4.44822161526}
 NEWTON_MM = {"N-mm": 1.0, "N-m": 1e3, "lb-in": 112.984829028}
@@ -50,7 +51,7 @@ class Bridge:
     """
 
     def __init__(self, path: str, part: str = "") -> None:
-        root = ElementTree.fromstring(Path(path).read_bytes())
+        root = ElementTree.fromstring(find(path).read_bytes())
         found = next(c for c in root.iter("Calibration") if part in ("", c.get("PartNumber")))
         units = [NEWTONS[found.attrib["ForceUnits"]]] * 3 + [NEWTON_MM[found.attrib["TorqueUnits"]]] * 3
         # Axis, where it is there, is closer to the gauges than what was derived from it

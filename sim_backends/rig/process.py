@@ -24,6 +24,7 @@ from hal.emulator import Bench, Station
 from hal.errors import BackendError, RtctlError
 from hal.sockets import DeviceSocket
 from hal.switchboard import Switchboard
+from sim_backends.emulators.sensoray526 import CARD, EmulatedSensoray526
 from sim_backends.rig import memory
 from sim_backends.rig.backend import RigOptions
 from sim_backends.rig.rig import Rig, add_emulator
@@ -39,13 +40,13 @@ class RealStation(Station):
 
     def __init__(self, place: str, period_s: float, seed: int) -> None:
         super().__init__(period_s, seed, RealLinks())
-        self._place = place
+        self.place = place
         self.names: list[str] = []
 
-    def card_memory(self, base: int, dtype: np.dtype) -> np.ndarray:
-        """See :class:`hal.emulator.Station`."""
-        self.names.append(card_name(base))
-        return memory.create(self._place, self.names[-1], dtype)
+    def share(self, name: str, dtype: np.dtype) -> np.ndarray:
+        """A record (1,) that the other processes see."""
+        self.names.append(name)
+        return memory.create(self.place, name, dtype)
 
 
 class RealLinks(Switchboard):
@@ -106,8 +107,10 @@ def lives_apart(entry: Mapping[str, Any]) -> bool:
 def _plant(settings: Mapping[str, Any], rig_options: RigOptions, station: RealStation) -> Callable[[int], None]:
     wired = [entry for entry in settings["devices"] if not lives_apart(entry)]
     rig = Rig(wired, rig_options.plant, station)
-    station.names.append("bench")
-    told = memory.create(settings["place"], "bench", bench_dtype(rig.plant.axes))
+    for emulator in station.emulators.values():
+        if isinstance(emulator, EmulatedSensoray526):
+            emulator.move_to(station.share(card_name(emulator.base), CARD))
+    told = station.share("bench", bench_dtype(rig.plant.axes))
 
     def step(tick: int) -> None:
         rig.step(tick)
