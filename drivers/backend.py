@@ -27,6 +27,7 @@ class HardwareOptions:
         shape=(-1,), doc="a table a device, [[backend.options.devices]], in the order they are opened"
     )
     seams: str = option("target", doc='how devices are reached: "target" is this machine, "rig" the emulated bench')
+    rig: dict = option({}, doc="of the emulated bench, if the devices are: see [backend.options.rig]")
     watchdog_ticks: int = option(50, low=1, high=1000, doc="ticks without a command after which power is removed")
 
 
@@ -41,7 +42,6 @@ class HardwareBackend:
         table: settings, see :class:`HardwareOptions`.
         period_s: time between two ticks.
         seed: ignored; devices draw nothing.
-        seams: instead of those of the settings, for benches in the same process.
 
     Raises:
         OptionError: a setting is wrong. BackendError: no such kind of device.
@@ -50,10 +50,10 @@ class HardwareBackend:
     simulated = False
     options_type = HardwareOptions
 
-    def __init__(self, table: Mapping[str, Any], *, period_s: float, seed: int = 0, seams: Seams | None = None) -> None:  # noqa: ARG002
+    def __init__(self, table: Mapping[str, Any], *, period_s: float, seed: int = 0) -> None:  # noqa: ARG002
         self.options = _read_options(table)
         self.watchdog_ticks = self.options.watchdog_ticks
-        self._site = Site(period_s, self.watchdog_ticks, seams or seam.load(self.options.seams))
+        self._site = Site(period_s, self.watchdog_ticks, seam.load(self.options.seams))
         self.devices = self._site.devices
         for i, entry in enumerate(self.options.devices):
             self._add(i, dict(entry))
@@ -74,6 +74,10 @@ class HardwareBackend:
         if name in self.devices:
             raise OptionError("two devices have the same name", value=name, remedy=f"rename {where}")
         self.devices[name] = load(kind)(name, entry, self._site)
+
+    def use(self, seams: Seams) -> None:
+        """Reach the devices in another way than the settings say: for benches in the same process, before open."""
+        self._site.seams = seams
 
     def open(self) -> None:
         """Open every device, in order. Raises BackendError; what was opened before is closed then."""
@@ -113,6 +117,7 @@ class HardwareBackend:
         if not self._opened:
             return
         demand, frame = self._demand, actuators[0]
+        demand.array_loaded = bool(frame["array_loaded"])
         if not frame["power"]:
             self._tripped = False
             demand.clear_faults = demand.clear_faults or demand.power
@@ -185,7 +190,7 @@ def _read_options(table: Mapping[str, Any]) -> HardwareOptions:
         raise OptionError("backend.options.devices must be a list of tables", value=entries or None, remedy="write [[backend.options.devices]] once for every device")  # fmt: skip
     rest = {k: v for k, v in table.items() if k != "devices"}
     read = options.read(HardwareOptions, {**rest, "devices": []}, "backend.options")
-    return HardwareOptions(tuple(entries), read.seams, read.watchdog_ticks)
+    return HardwareOptions(tuple(entries), read.seams, read.rig, read.watchdog_ticks)
 
 
 def _count_axes(devices: Mapping[str, Device]) -> int:

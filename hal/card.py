@@ -17,6 +17,8 @@ class AnalogCard(Protocol):
         count_validity (counters,) u1, count_sequence: the samples of this tick.
         count_error (counters,) bool: the counter saw an illegal step since the last read.
         index_count (counters,) i8: accumulated count latched at the last index pulse; index_sequence (counters,) how many.
+        code (inputs,) i4: words of the converter, before any calibration. References that are converted with every scan
+            make the voltage of a frozen channel dither: only its word stands still.
         voltage_v (inputs,): calibrated, NaN unless claimed and valid.
         railed (inputs,) bool: within 0.5 % of full scale.
         voltage_validity, voltage_sequence: of the whole scan.
@@ -30,6 +32,7 @@ class AnalogCard(Protocol):
     count_error: np.ndarray
     index_count: np.ndarray
     index_sequence: np.ndarray
+    code: np.ndarray
     voltage_v: np.ndarray
     railed: np.ndarray
     voltage_validity: int

@@ -82,6 +82,7 @@ class Demand:
     Attributes:
         command_v (n,): set value of each amplifier [V], -10 .. 10.
         power: energise the amplifiers.
+        array_loaded: the operator has declared that an array is in the gripper; only a simulated assistant looks at it.
         clear_faults: True in the first write without power after one with it, or after opening: the moment to reset
             amplifiers that latched something. Never energises anything by itself.
     """
@@ -89,6 +90,7 @@ class Demand:
     def __init__(self, axes: int) -> None:
         self.command_v = np.zeros(axes)
         self.power = False
+        self.array_loaded = False
         self.clear_faults = False
 
 

@@ -24,6 +24,7 @@ class Bench:
         impedance_ohm, impedance_pair, impedance_sequence: latest sample of the implant; sequence 0 for none yet.
         command_v (n,): set value that reaches each amplifier. enabled (n,): its enable input. Emulators write both.
         current_a (n,): that flows in each motor.
+        array_loaded: somebody holds that an array belongs into the gripper, and sees to it.
     """
 
     def __init__(self, axes: int) -> None:
@@ -33,6 +34,7 @@ class Bench:
         self.command_v = np.zeros(axes)
         self.enabled = np.zeros(axes, np.bool_)
         self.current_a = np.zeros(axes)
+        self.array_loaded = False
 
 
 class Emulator(Protocol):
@@ -40,6 +42,8 @@ class Emulator(Protocol):
 
     faults: tuple[str, ...]
     """names of what :meth:`inject` knows"""
+    apart: bool
+    """it may live in a process of its own, since all that ties it to others is a link such as UDP"""
 
     def __init__(self, name: str, table: Mapping[str, Any], station: "Station") -> None:
         """From the table of the device it doubles, without `kind` and `name`; plugs itself into the station's switchboard."""
@@ -60,6 +64,10 @@ class Station:
     def __init__(self, period_s: float, seed: int, switchboard: Any) -> None:
         self.period_s, self.seed, self.switchboard = period_s, seed, switchboard
         self.emulators: dict[str, Emulator] = {}
+
+    def card_memory(self, base: int, dtype: np.dtype) -> np.ndarray:  # noqa: ARG002
+        """Where the record (1,) of the card at `base` lives; a bench of several processes puts it where all can see it."""
+        return np.zeros(1, dtype)
 
 
 def load(kind: str) -> type[Emulator]:

@@ -89,11 +89,12 @@ class Seams(Protocol):
         """A ``can.BusABC`` of python-can."""
 
 
-def load(name: str) -> Seams:
-    """Make the seams called `name` ("target": the real ones). Raises BackendError."""
+def load(choice: str) -> Seams:
+    """Make the seams of a setting: "target" for the real ones, or "rig:NAME" with a place. Raises BackendError."""
+    name, _, where = choice.partition(":")
     found = {e.name: e for e in entry_points(group=GROUP)}
     if name not in found:
         raise BackendError(
-            "no such seams", value=name, bound=" | ".join(sorted(found)), remedy="set [backend.options] seams"
+            "no such seams", value=choice, bound=" | ".join(sorted(found)), remedy="set [backend.options] seams"
         )
-    return found[name].load()()
+    return found[name].load()(where)

@@ -51,6 +51,7 @@ class Trouble(enum.IntEnum):
     SENSOR_STATUS = 37
     SENSOR_REBOOTED = 38
     SENSOR_SILENT = 39
+    SENSOR_FROZEN = 50
     # drives on a bus
     BUS_OFF = 40
     BUS_PASSIVE = 41
@@ -108,6 +109,7 @@ TABLE: dict[Trouble, Row] = {
     Trouble.SENSOR_STATUS: Row(W, "the force sensor reports status bit {value:.0f}", "look the bit up in the sensor's manual"),
     Trouble.SENSOR_REBOOTED: Row(P, "the force sensor started anew: its bias is lost", "unbias again with the sensor unloaded"),
     Trouble.SENSOR_SILENT: Row(W, "the force sensor is silent for {value:.0f} ticks", "check its cable and its power"),
+    Trouble.SENSOR_FROZEN: Row(W, "the force sensor repeats the same sample for {value:.0f} records", "switch it off and on, then unbias again"),
     Trouble.BUS_OFF: Row(F, "the CAN controller is bus-off", "check termination and wiring; it is never restarted by itself"),
     Trouble.BUS_PASSIVE: Row(W, "the CAN controller is error-passive", "check termination and wiring"),
     Trouble.BUS_OVERLOAD: Row(F, "the bus cannot carry its frames: {value:.0f} were left over", "raise the divisor, or use a second bus"),

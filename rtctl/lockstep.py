@@ -1,5 +1,8 @@
 """The controller and a simulated backend in lockstep: a virtual clock, no waiting, no sockets.
 
+A backend of kernels runs without the interpreter, a hundred times faster than real time; one of drivers and emulators
+runs through its methods.
+
 What happens depends on the settings, the seed and the commands alone, never on the speed of the machine.
 """
 
@@ -17,6 +20,8 @@ from rtctl.exchange.control import ARMING_ALLOWED
 from rtctl.exchange.mailbox import forget
 from rtctl.settings import Settings
 from rtctl.tick import tick as run_tick
+
+NO_COMMAND = np.zeros(1, COMMAND)
 
 
 def run(first_tick, records, truths, truth, memory, sensors, actuators, device, read, write, period_ns, health):
@@ -40,7 +45,7 @@ def run(first_tick, records, truths, truth, memory, sensors, actuators, device, 
 
 
 class Lockstep:
-    """A closed loop of controller and compiled plant.
+    """A closed loop of controller and simulated devices.
 
     Args:
         settings: of the controller, and of the backend it names.
@@ -48,7 +53,7 @@ class Lockstep:
         sink: is given every block of records and truths (arrays), in order; for logs. They are its to keep.
 
     Raises:
-        BackendError: the backend named in the settings has no kernels, so it cannot run in lockstep.
+        BackendError: the backend named in the settings is no simulation.
     """
 
     BLOCK = 16384
@@ -64,18 +69,26 @@ class Lockstep:
         period = settings.loop.period_s
         self.backend: Backend = load(settings.backend.name, settings.backend.options, period_s=period, seed=seed)
         compiled, truth = self.backend.compiled(), self.backend.truth()
-        if compiled is None or truth is None:
+        if not self.backend.simulated or truth is None:
             raise BackendError("this backend cannot run in lockstep", value=settings.backend.name, remedy="use a simulation")  # fmt: skip
-        self.device: CompiledDevice = compiled
         self.truth = truth[1]
         self.period_ns = round(period * 1e9)
         self.sink = sink
         self.tick = 0
         self.sequence = 0
-        self._read, self._write = Pointer(self.device.read), Pointer(self.device.write)
+        self._compiled = compiled
         self._clear()
-        self.run = specialised(run, self._arguments(0))
+        if compiled is not None:
+            self._read, self._write = Pointer(compiled.read), Pointer(compiled.write)
+            self._run = specialised(run, self._arguments(0))
         self.backend.open()
+
+    @property
+    def device(self) -> CompiledDevice:
+        """The backend's kernels and their record. Raises BackendError for one that has none."""
+        if self._compiled is None:
+            raise BackendError("this backend has no kernels", remedy="use the backend plant")
+        return self._compiled
 
     def _clear(self) -> None:
         """Fresh rows; the old ones belong to whoever holds them."""
@@ -90,13 +103,31 @@ class Lockstep:
         device = self.device.device, self._read, self._write
         return self.tick, self._records[rows], self._truths[rows], *frames, *device, self.period_ns, ARMING_ALLOWED
 
+    def _interpret(self, ticks: int) -> None:
+        """The same as :func:`run`, through the methods of the backend."""
+        c, backend, record = self.controller, self.backend, self.controller.record
+        for k in range(ticks):
+            tick, row = self.tick + k, self._rows + k
+            record["tick"], record["time_ns"] = tick, tick * self.period_ns
+            record["gateway_health"] = ARMING_ALLOWED
+            backend.read(tick, c.sensors)
+            c.step()
+            backend.write(tick, c.actuators)
+            c.command[:] = NO_COMMAND
+            self._records[row] = record[0]
+            self._truths[row] = self.truth[0]
+            self._truths[row]["time_ns"], self._truths[row]["tick"] = record["time_ns"][0], tick
+
     def advance(self, ticks: int) -> np.void:
         """Run `ticks` ticks, at least one, and return the last record."""
         while ticks > 0:
             if self._rows == self.BLOCK:
                 self._clear()
             n = min(ticks, self.BLOCK - self._rows)
-            self.run(*self._arguments(n))
+            if self._compiled is None:
+                self._interpret(n)
+            else:
+                self._run(*self._arguments(n))
             rows = slice(self._rows, self._rows + n)
             self._rows += n
             self.tick += n

@@ -76,6 +76,14 @@ class PlantBackend:
         """True state of the bench: signals and their live record, shape (1,), as of the last read."""
         return TABLE, self._device["truth"]
 
+    def look(self, angle_rad: np.ndarray, current_a: np.ndarray, wrench_in_sensor: np.ndarray) -> None:
+        """What real electronics would be wired to, as of the last read, without any judgement.
+
+        angle_rad, current_a: (4,) of the motor shafts, zero where the robot is at home. wrench_in_sensor: (6,) in {F}
+        [N, N mm], what the sensor bears, with its errors, however large.
+        """
+        device.look_arrays(self._device, angle_rad, current_a, wrench_in_sensor)
+
     def failure(self) -> BackendError | None:
         """Why the bench stands still, if the array's step did not converge however small it was made."""
         d = self._record

@@ -1,0 +1,184 @@
+"""What can be known of a motor from its counts and its command: angle, heat, and everything that is wrong (07 section 7).
+
+The kernels share one record of :data:`drivers.maxon_lsc.state.AXIS`; :func:`follow` is called once a tick.
+"""
+
+from drivers.maxon_lsc.state import CURRENT, VOLTAGE
+from hal.frames import INVALID, VALID
+from hal.kernel import kernel
+
+JUMPED, ILLEGAL, STALLED, INDEX_DRIFTS, INDEX_LOST, WRONG_WAY, NOT_READY, HOT = (1 << n for n in range(8))
+"""Bits of what :func:`follow` found."""
+
+DEBOUNCE = 2
+"""Reads in a row that make a change of the Ready line."""
+DITHER = 1
+"""Counts within which an encoder at rest, or one with a cut channel, goes to and fro."""
+DRIFT_COUNTS, LOST_COUNTS = 2, 8
+GROWTH, GROWTH_COUNTS = 1.25, 2
+COOL = 0.9
+"""Share of the thermal limit below which a hot motor has cooled down."""
+FOLLOWS = 0.5
+"""Share of the commanded speed from which on an amplifier in mode speed is taken to need no more than it can for ever."""
+
+
+@kernel
+def follow(state, tick, powered, command_v, channel, line, card_sequence, validity, count, error, index_sequence, index_count, ready_line):  # fmt: skip
+    """Take in one tick of a card.
+
+    Args:
+        state (1,): of AXIS. tick: number of this read.
+        powered, command_v: what the amplifier has had since the last read, in the direction of the angle.
+        channel: of the counter; validity, count, error, index_sequence, index_count, card_sequence: of the card.
+        line, ready_line: the card's lines, and which of them is Ready.
+
+    Returns:
+        (validity, angle [rad], age [ticks], ready, found): found is a set of the bits of this module.
+    """
+    axis = state[0]
+    ticks = max(tick - axis.tick, 1) if axis.tick >= 0 else 1
+    axis.tick = tick
+    found = 0
+    pass_ticks(axis, ticks, powered, command_v)
+    if axis.hot:
+        found |= HOT
+    if is_not_ready(axis, line[ready_line]):
+        found |= NOT_READY
+    if validity[channel] != VALID:
+        axis.filled = 0
+        return INVALID, 0.0, 0, axis.ready, found | index_trouble(axis)
+    if card_sequence != axis.sequence:
+        if axis.sampled < 0:
+            axis.zero = axis.count = count[channel]
+            axis.sampled = tick - 1
+        since = max(tick - axis.sampled, 1)
+        axis.sequence, axis.sampled = card_sequence, tick
+        take_count(axis, count[channel], since)
+        axis.illegal = error[channel]
+        if axis.turn_counts > 0:
+            take_index(axis, index_sequence[channel], index_count[channel])
+        found |= motion_trouble(axis, since, powered, command_v)
+    if axis.jumped_by != 0:
+        found |= JUMPED
+    if axis.illegal:
+        found |= ILLEGAL
+    trusted = axis.jumped_by == 0 and not axis.illegal
+    validity_of_angle = VALID if trusted else INVALID
+    return validity_of_angle, axis.angle_rad, tick - axis.sampled, axis.ready, found | index_trouble(axis)
+
+
+@kernel
+def take_count(axis, count, ticks):
+    """A new accumulated count, `ticks` after the last one."""
+    step = count - axis.count
+    axis.count = count
+    axis.jumped_by = step if abs(step) > axis.most_counts * ticks + DITHER else 0
+    axis.angle_rad = axis.rad_per_count * (count - axis.zero)
+    axis.speed_rad_per_s = axis.rad_per_count * step / (ticks * axis.period_s)
+
+
+@kernel
+def take_index(axis, sequence, latched):
+    """How many index pulses there were, and the count at the last one: it is compared modulo a turn with the first."""
+    if sequence != axis.index_seen and axis.index_seen >= 0:
+        if not axis.index_known:
+            axis.index_known, axis.index_first = 1, latched
+        half = axis.turn_counts // 2
+        axis.index_off_by = (latched - axis.index_first + half) % axis.turn_counts - half
+    axis.index_seen = sequence
+
+
+@kernel
+def index_trouble(axis):
+    """The bit of an index that is not where it was."""
+    off = abs(axis.index_off_by)
+    if off > LOST_COUNTS:
+        return INDEX_LOST
+    return INDEX_DRIFTS if off > DRIFT_COUNTS else 0
+
+
+@kernel
+def motion_trouble(axis, ticks, powered, command_v):
+    """Bits of a motor that does not do what its command says; `ticks` since the last count."""
+    push = 0
+    if powered and abs(command_v) > axis.breakaway_v:
+        push = 1 if command_v > 0.0 else -1
+    found = 0
+    if stands_still(axis, push, ticks):
+        found |= STALLED
+    if ticks > 1 or axis.jumped_by != 0:
+        axis.filled = 0
+    elif runs_away(axis, axis.direction * axis.count, push):
+        found |= WRONG_WAY
+    return found
+
+
+@kernel
+def stands_still(axis, push, ticks):
+    """True for a motor that was driven above breakaway for the settings' time and made no more than a dither."""
+    if push == 0 or abs(axis.count - axis.still_place) > DITHER:
+        axis.still_place, axis.still_ticks = axis.count, 0
+    else:
+        axis.still_ticks += ticks
+    return axis.still_ticks >= axis.stall_ticks
+
+
+@kernel
+def runs_away(axis, count, push):
+    """True for a motor that gets faster against its command: wires of the motor or the encoder are swapped.
+
+    While a command above breakaway keeps its sign, a motor that turns against it must slow down: breakaway is what
+    overcomes friction and every load of normal use. So one that comes back from a motion the other way, or is driven back
+    by a load, makes as much way in the second half of the window as in the first, or less. One that is wired wrongly
+    makes more. Called once a tick with a count in the command's direction; needs a full window of the same push.
+    """
+    if push != axis.push:
+        axis.push, axis.filled = push, 0
+    if push == 0:
+        return False
+    size = 2 * axis.half_window + 1
+    axis.ring[axis.filled % size] = count
+    axis.filled += 1
+    if axis.filled < size:
+        return False
+    first, middle = axis.ring[axis.filled % size], axis.ring[(axis.filled - 1 - axis.half_window) % size]
+    before, after = push * (first - middle), push * (middle - count)
+    return before >= GROWTH_COUNTS and after >= GROWTH * before + GROWTH_COUNTS
+
+
+@kernel
+def is_not_ready(axis, level):
+    """True while Ready is open: a healthy amplifier pulls it low, so a cut wire is a fault too."""
+    if level:
+        axis.high_reads, axis.low_reads = axis.high_reads + 1, 0
+    else:
+        axis.high_reads, axis.low_reads = 0, axis.low_reads + 1
+    if axis.high_reads >= DEBOUNCE:
+        axis.fault, axis.ready = 1, 0
+    elif axis.low_reads >= DEBOUNCE:
+        axis.fault, axis.ready = 0, 1
+    return axis.fault != 0
+
+
+@kernel
+def current_a(axis, command_v):
+    """What a command makes flow [A] (07 section 2.1).
+
+    It is known in mode current, and follows from resistance and back-EMF in mode voltage. In mode speed it is not known:
+    an amplifier whose motor does not follow drives all it can, and one whose motor follows is taken to stay cool.
+    """
+    if axis.mode == CURRENT:
+        return axis.gain * command_v
+    if axis.mode == VOLTAGE:
+        return (axis.gain * command_v - axis.back_emf_v_s_per_rad * axis.speed_rad_per_s) / axis.resistance_ohm
+    wanted = axis.gain * command_v
+    follows = axis.speed_rad_per_s * wanted >= FOLLOWS * wanted * wanted
+    return COOL * axis.continuous_a if follows else axis.peak_a
+
+
+@kernel
+def pass_ticks(axis, ticks, powered, command_v):
+    """Heat the winding (I2t): a first-order lag of the squared current, 1 where the continuous current would lead."""
+    load = current_a(axis, command_v) / axis.continuous_a if powered else 0.0
+    axis.heat += min(axis.heat_per_tick * ticks, 1.0) * (load * load - axis.heat)
+    axis.hot = axis.heat >= (COOL if axis.hot else 1.0)
