@@ -197,7 +197,7 @@ class Sensoray526(Channels):
             return
         self._unfinished = 0
         off = scan.decode(
-            self._batches.scan_words, self._inputs, self.calibration.reference_v, self.voltage_v, self.railed
+            self._batches.scan_words, self._inputs, self.calibration.reference_v, self.code, self.voltage_v, self.railed
         )
         if off:
             self.errors["adc_reference"] += 1

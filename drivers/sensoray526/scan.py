@@ -48,21 +48,22 @@ def signed(word):
 
 
 @kernel
-def decode(words, inputs, reference_v, voltage_v, railed):
+def decode(words, inputs, reference_v, code, voltage_v, railed):
     """Voltages of `inputs` (k,) from the results (2 + k,) of a scan: V = Vref (D - D9) / (D8 - D9).
 
     Returns:
         by how much the references are out of their bounds, or 0: the gain's error [%], or the offset's of full scale
         [%]. A +10 V reference at the end of the range could be any voltage above: it counts as off by the bound.
-        Voltages and railed are written in any case.
+        Codes, voltages and railed are written in any case.
     """
     ground = signed(words[1])
     span = signed(words[0]) - ground
     scale = reference_v / span
     for i in range(len(inputs)):
-        code = signed(words[2 + i])
-        voltage_v[inputs[i]] = scale * (code - ground)
-        railed[inputs[i]] = abs(code) >= NEAR_RAIL
+        word = signed(words[2 + i])
+        code[inputs[i]] = word
+        voltage_v[inputs[i]] = scale * (word - ground)
+        railed[inputs[i]] = abs(word) >= NEAR_RAIL
     gain = span * (10.0 / reference_v) / FULL_SCALE - 1.0
     if words[0] == TOP:
         return 100.0 * GAIN_TOLERANCE

@@ -158,6 +158,6 @@ def test_garbage_never_raises_and_is_never_a_number_without_signature_and_refere
 def test_any_scan_gives_finite_voltages_within_bounds_or_says_so(words):
     """Whatever the converter reads: accepted references bound the scale to within a percent."""
     voltage_v, railed = np.full(8, np.nan), np.zeros(8, np.bool_)
-    off = scan.decode(np.array(words, np.int32), np.arange(6), 10.0, voltage_v, railed)
+    off = scan.decode(np.array(words, np.int32), np.arange(6), 10.0, np.zeros(8, np.int32), voltage_v, railed)
     if not off:
         assert (np.abs(voltage_v[:6]) <= 10.15).all()

@@ -343,15 +343,21 @@ def test_the_watchdog_expires_latches_and_starts_anew_from_off():
     assert not registers.card.watchdog_expired()
 
 
-def test_the_card_goes_on_in_shared_memory(registers):
+def test_the_card_lives_where_the_station_puts_it():
+    """A driver in another process has ports of its own on the same memory."""
+    somewhere = np.zeros(1, CARD)
+
+    class Shared(Station):
+        def card_memory(self, base, dtype):
+            assert (base, dtype) == (BASE, CARD)
+            return somewhere
+
+    card = EmulatedSensoray526("card", {}, Shared(0.001, 1, Switchboard()))
+    registers = Registers()
+    registers.ports = CardPorts(somewhere)
     registers.write(0x16, 0x0480)
-    registers.card.set_encoder(0, 5)
-    elsewhere = np.zeros(1, CARD)
-    registers.card.move_to(elsewhere)
-    registers.card.set_encoder(0, 9)
-    other = Registers()
-    other.ports = CardPorts(elsewhere)
-    assert other.count() == 9
+    card.set_encoder(0, 9)
+    assert registers.count() == 9
 
 
 def test_two_cards_of_different_seeds_differ_in_noise_only():
