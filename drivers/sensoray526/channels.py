@@ -25,6 +25,7 @@ class Channels:
         self.count_error = np.zeros(COUNTERS, np.bool_)
         self.index_count = np.zeros(COUNTERS, np.int64)
         self.index_sequence = np.zeros(COUNTERS, np.int64)
+        self.code = np.zeros(INPUTS, np.int32)
         self.voltage_v = np.full(INPUTS, np.nan)
         self.railed = np.zeros(INPUTS, np.bool_)
         self.voltage_validity, self.voltage_sequence = INVALID, 0

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from drivers.sensoray526 import counters, probing, scan
+from drivers.sensoray526.batches import ReadingBatches
 from drivers.sensoray526.channels import Channels
 from drivers.sensoray526.eeprom import Calibration, read_calibration
 from drivers.sensoray526.options import Sensoray526Options, read_options
 from drivers.sensoray526.output import Outputs
-from drivers.sensoray526.registers import DIGITAL, LINES, SIGNATURE, SIGNATURES, SIZE, Batch, counter_control
+from drivers.sensoray526.registers import LINES, SIGNATURE, SIGNATURES, SIZE, Batch
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
 from hal.errors import BackendError, OptionError
 from hal.frames import VALID
@@ -74,20 +75,21 @@ class Sensoray526(Channels):
         """Start the scan; read counters and lines while it converts."""
         self._tick = tick
         if self._ports is not None and not self._lost:
-            self._ports.execute(self._first)
+            self._ports.execute(self._batches.first)
 
     def read(self, tick: int, readings: Readings) -> None:
         """Collect the scan and take over what the card showed."""
         if self._ports is None:
             return
-        shown = int(self._first_words[0])
+        shown = int(self._batches.first_words[0])
         if self._lost or shown not in SIGNATURES:
             self._lose(shown, readings)
             return
         self._good_tick = tick
         self._take_counts()
-        self.line[:] = LEVELS[int(self._first_words[-1]) & 0xFF]
-        timed_out = self._ports.execute(self._second) if self._second.size else 0
+        self.line[:] = LEVELS[int(self._batches.first_words[-1]) & 0xFF]
+        second = self._batches.second
+        timed_out = self._ports.execute(second) if second.size else 0
         if self._inputs.size:
             self._take_voltages(timed_out, readings)
         o = self.options
@@ -125,7 +127,7 @@ class Sensoray526(Channels):
 
     def scan_words(self) -> np.ndarray:
         """Results (2 + inputs,) of the latest scan: +10 V, 0 V, then the claimed inputs."""
-        return self._scan_words
+        return self._batches.scan_words
 
     def _check_signature(self, ports: PortIO) -> None:
         batch = Batch(self.options.base)
@@ -152,31 +154,8 @@ class Sensoray526(Channels):
         self.index_count.fill(0)
         self.index_sequence.fill(0)
         self._channels, self._inputs = np.array(used, np.int64), np.array(inputs, np.int64)
-        self._build_first(used, scan.scanned(inputs) if inputs else ())
-        self._build_second(used, scan.scanned(inputs) if inputs else ())
+        self._batches = ReadingBatches(o, used, inputs, self._control)
         self._lost, self._unfinished, self._fresh = False, 0, True
-
-    def _build_first(self, used: list[int], channels: tuple[int, ...]) -> None:
-        batch = Batch(self.options.base)
-        batch.read(SIGNATURE)
-        if channels:
-            scan.add_start(batch, channels)
-        place, each = len(batch), counters.words_a_reading(index=self.options.index)
-        for channel in used:
-            counters.add_reading(batch, channel, index=self.options.index)
-        batch.read(DIGITAL)
-        self._first = batch.build()
-        self._first_words = self._first["result"]
-        self._count_words = self._first_words[place : place + each * len(used)].reshape(len(used), each)
-
-    def _build_second(self, used: list[int], channels: tuple[int, ...]) -> None:
-        batch = Batch(self.options.base)
-        for channel in used:
-            batch.write(counter_control(channel), self._control)
-        place = scan.add_collecting(batch, channels, self.options.poll_limit) if channels else 0
-        self._second = batch.build()
-        self._clear_words = self._second["value"][: len(used)]
-        self._scan_words = self._second["result"][place + 1 :: 2] if channels else np.empty(0, np.int32)
 
     def _try_a_tick(self) -> None:
         """Everything a tick needs has run once when it comes to it; counts begin at zero."""
@@ -195,9 +174,10 @@ class Sensoray526(Channels):
     def _take_counts(self) -> None:
         if not self._channels.size:
             return
+        batches = self._batches
         wrong, missed = counters.decode(
-            self._count_words, self._channels, self._index_flag, self._control, self._raw, self.count, self.count_error,
-            self.index_count, self.index_sequence, self._clear_words,
+            batches.count_words, self._channels, self._index_flag, self._control, self._raw, self.count, self.count_error,
+            self.index_count, self.index_sequence, batches.clear_words,
         )  # fmt: skip
         if self._fresh:
             self.count.fill(0)
@@ -216,7 +196,9 @@ class Sensoray526(Channels):
             readings.report(Trouble.ADC_STOPPED if grave else Trouble.ADC_NOT_DONE, self._unfinished)
             return
         self._unfinished = 0
-        off = scan.decode(self._scan_words, self._inputs, self.calibration.reference_v, self.voltage_v, self.railed)
+        off = scan.decode(
+            self._batches.scan_words, self._inputs, self.calibration.reference_v, self.code, self.voltage_v, self.railed
+        )
         if off:
             self.errors["adc_reference"] += 1
             self._forget_voltages()

@@ -5,7 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.sensoray526.registers import EEPROM_COMMAND, EEPROM_DATA, EEPROM_DONE, EEPROM_READ, INTERRUPT_STATUS, OUTPUTS, Batch  # fmt: skip
+from drivers.sensoray526.registers import (
+    EEPROM_COMMAND,
+    EEPROM_DATA,
+    EEPROM_DONE,
+    EEPROM_READ,
+    INTERRUPT_STATUS,
+    OUTPUTS,
+    Batch,
+)
 from hal.errors import BackendError
 from hal.seams import PortIO
 

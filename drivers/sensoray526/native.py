@@ -60,7 +60,9 @@ class NativePorts:
             return outcome
         if outcome == NO_RIGHT:
             return _absent(operations)
-        raise ValueError(f"operation {NO_RIGHT - 1 - outcome} is none for this card: {operations[NO_RIGHT - 1 - outcome]}")
+        raise ValueError(
+            f"operation {NO_RIGHT - 1 - outcome} is none for this card: {operations[NO_RIGHT - 1 - outcome]}"
+        )
 
     def close(self) -> None:
         """Give the right to use the ports back."""
@@ -100,7 +102,7 @@ def _compile(flags: tuple[str, ...], library: Path) -> None:
             if done.returncode:
                 raise BackendError("the port helper does not compile", value=done.stderr.strip()[-300:], remedy="is libc6-dev installed?")  # fmt: skip
             made.chmod(0o755)
-            os.replace(made, library)
+            made.replace(library)
     except OSError as error:
         raise BackendError("the port helper cannot be kept", value=str(library), remedy=f"open the card once as the user who owns the cache, or set RTCTL_CACHE_DIR ({error.strerror})") from None  # fmt: skip
 

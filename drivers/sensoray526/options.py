@@ -20,7 +20,9 @@ class Sensoray526Options:
     )
     index: bool = option(True, doc="latch the counters at the encoders' index pulses; four accesses more a counter")
     index_edge: str = option("rising", choices=("rising", "falling"), doc="edge of the index that latches")
-    loop_back: tuple[float, ...] = option((), shape=(-1,), low=0, high=7, doc="[output, input] wired together as a self-test")
+    loop_back: tuple[float, ...] = option(
+        (), shape=(-1,), low=0, high=7, doc="[output, input] wired together as a self-test"
+    )
     loop_back_tolerance_v: float = option(
         0.05, low=0.002, high=1.0, unit="V", doc="by how much that input may be off its output"
     )

@@ -59,9 +59,9 @@ def _eeprom(card: "Sensoray526", ports: PortIO) -> Finding:
 def _references(card: "Sensoray526") -> Finding:
     high, ground = (int(scan.signed(int(word))) for word in card.scan_words()[:2])
     off = abs((high - ground) * 10.0 / card.calibration.reference_v / scan.FULL_SCALE - 1.0)
-    good = off <= scan.GAIN_TOLERANCE and abs(ground) <= scan.OFFSET_TOLERANCE_LSB and not scan.at_rail(high)
+    good = off <= scan.GAIN_TOLERANCE and abs(ground) <= scan.OFFSET_TOLERANCE_LSB and high != scan.TOP
     remedy = "let the card warm up; have it calibrated if it stays"
-    if scan.at_rail(high):
+    if high == scan.TOP:
         remedy = "the +10 V reference is beyond the converter's range, so voltages cannot be calibrated: see the manual"
     return Finding("references", f"+10 V {high}, 0 V {ground}", good, "" if good else remedy)
 

@@ -110,8 +110,8 @@ def _operation(line: str, file: Path) -> tuple[int, ...]:
             return int(Kind.WRITE), port, word, 0, 0, 0
         if kind == "P":
             port, mask, wanted = (int(f, 16) for f in fields[:3])
-            limit, word = fields[3:]
-            return int(Kind.POLL), port, wanted, mask, int(limit), TIMED_OUT if word == "----" else int(word, 16)
+            limit, found = fields[3:]
+            return int(Kind.POLL), port, wanted, mask, int(limit), TIMED_OUT if found == "----" else int(found, 16)
     except ValueError:
         pass
     raise BackendError(f"{file.name} is no trace of a card", value=line, bound="R, W or P with its numbers")

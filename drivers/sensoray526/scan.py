@@ -1,9 +1,19 @@
 """One scan of the converter: all inputs and both references in one command (07 section 1.3)."""
 
-from drivers.sensoray526.registers import ADC_CONTROL, ADC_DONE, ANALOG_DATA, GROUND, INTERRUPT_STATUS, REFERENCE, Batch, scan_command  # fmt: skip
+from drivers.sensoray526.registers import (
+    ADC_CONTROL,
+    ADC_DONE,
+    ANALOG_DATA,
+    GROUND,
+    INTERRUPT_STATUS,
+    REFERENCE,
+    Batch,
+    scan_command,
+)
 from hal.kernel import kernel
 
 FULL_SCALE = 32768.0
+TOP = 0x7FFF
 NEAR_RAIL = 0.995 * FULL_SCALE
 GAIN_TOLERANCE = 0.01
 OFFSET_TOLERANCE_LSB = 50.0
@@ -38,28 +48,27 @@ def signed(word):
 
 
 @kernel
-def decode(words, inputs, reference_v, voltage_v, railed):
+def decode(words, inputs, reference_v, code, voltage_v, railed):
     """Voltages of `inputs` (k,) from the results (2 + k,) of a scan: V = Vref (D - D9) / (D8 - D9).
 
     Returns:
         by how much the references are out of their bounds, or 0: the gain's error [%], or the offset's of full scale
-        [%]. Voltages and railed are written in any case.
+        [%]. A +10 V reference at the end of the range could be any voltage above: it counts as off by the bound.
+        Codes, voltages and railed are written in any case.
     """
     ground = signed(words[1])
     span = signed(words[0]) - ground
     scale = reference_v / span
     for i in range(len(inputs)):
-        code = signed(words[2 + i])
-        voltage_v[inputs[i]] = scale * (code - ground)
-        railed[inputs[i]] = abs(code) >= NEAR_RAIL
+        word = signed(words[2 + i])
+        code[inputs[i]] = word
+        voltage_v[inputs[i]] = scale * (word - ground)
+        railed[inputs[i]] = abs(word) >= NEAR_RAIL
     gain = span * (10.0 / reference_v) / FULL_SCALE - 1.0
+    if words[0] == TOP:
+        return 100.0 * GAIN_TOLERANCE
     if abs(gain) > GAIN_TOLERANCE:
         return 100.0 * gain
     if abs(ground) > OFFSET_TOLERANCE_LSB:
         return 100.0 * ground / FULL_SCALE
     return 0.0
-
-
-def at_rail(high: int) -> bool:
-    """Whether the converter cannot tell its +10 V reference, which it reads as `high`, from anything above it."""
-    return high >= 0x7FFF

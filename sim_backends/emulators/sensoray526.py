@@ -71,32 +71,26 @@ class EmulatedSensoray526:
         record: the card (1,) of CARD; times, noise and calibration can be changed in it.
     """
 
-    apart = False
     faults = (
         *CHANNEL_FAULTS, "encoder_glitch", "ecap", "index_add", "signature", "adc_never_done", "reference_drift",
         "reference_offset", "preset_near_wrap", "eeprom_corrupt", "stop_petting",
     )  # fmt: skip
+    apart = False
 
     def __init__(self, name: str, table: Mapping[str, Any], station: Station) -> None:
-        self.name, self._station = name, station
-        self.base = int(table.get("base", 0x2C0))
+        self.name, base = name, int(table.get("base", 0x2C0))
         self._loop_back = tuple(int(n) for n in table.get("loop_back", ()))
         self._watchdog_line = int(table.get("watchdog_line", -1))
-        self.record = make_card(self.base, station.seed)
+        self.record = station.card_memory(base, CARD)
+        self.record[:] = make_card(base, station.seed)
         self.record["watchdog_ticks"] = max(1, round(float(table.get("watchdog_interval_s", 0.1)) / station.period_s))
         self._healthy = self.record.copy()
         self._ecap = -1
         self._tick: int | None = None
-        self.move_to(self.record)
+        station.switchboard.plug_ports(base, CardPorts(self.record))
         for channel in range(len(self.record["shaft"][0])):
             self.set_encoder(channel, 0)
         registers.tick(self.record, 0)
-
-    def move_to(self, record: np.ndarray) -> None:
-        """Go on in another record (1,) of CARD, as one in shared memory; drivers that open the card later are there."""
-        record[:] = self.record
-        self.record = record
-        self._station.switchboard.plug_ports(self.base, CardPorts(record))
 
     def sense(self, tick: int, bench: Bench) -> None:  # noqa: ARG002
         """Ticks pass: what was started is done, the watchdog counts, wires back to the card follow."""

@@ -24,15 +24,15 @@ def load(card, channel):
 
 @kernel
 def happen(card, channel, event):
-    """An event: its flag, and what it loads or latches."""
-    if channel == card.silent_index and event & (INDEX_FALL | INDEX_RISE):
+    """An edge of the index: its flag, and what it loads or latches."""
+    if channel == card.silent_index:
         return
     card.events[channel] |= event
     mode, control = card.mode[channel], card.control[channel]
-    if (event == INDEX_FALL and control & 0x0400) or (event == INDEX_RISE and control & 0x0800):
-        if mode & LATCH_ON_EVENT:
-            card.latch[channel] = card.counter[channel]
-    if (event == INDEX_FALL and mode & LOAD_AT_FALL) or (event == INDEX_RISE and mode & LOAD_AT_RISE):
+    selected = control & (0x0400 if event == INDEX_FALL else 0x0800)
+    if selected and mode & LATCH_ON_EVENT:
+        card.latch[channel] = card.counter[channel]
+    if mode & (LOAD_AT_FALL if event == INDEX_FALL else LOAD_AT_RISE):
         load(card, channel)
 
 

@@ -24,7 +24,6 @@ from hal.emulator import Bench, Station
 from hal.errors import BackendError, RtctlError
 from hal.sockets import DeviceSocket
 from hal.switchboard import Switchboard
-from sim_backends.emulators.sensoray526 import CARD, EmulatedSensoray526
 from sim_backends.rig import memory
 from sim_backends.rig.backend import RigOptions
 from sim_backends.rig.rig import Rig, add_emulator
@@ -42,6 +41,10 @@ class RealStation(Station):
         super().__init__(period_s, seed, RealLinks())
         self.place = place
         self.names: list[str] = []
+
+    def card_memory(self, base: int, dtype: np.dtype) -> np.ndarray:
+        """See :class:`hal.emulator.Station`."""
+        return self.share(card_name(base), dtype)
 
     def share(self, name: str, dtype: np.dtype) -> np.ndarray:
         """A record (1,) that the other processes see."""
@@ -107,9 +110,6 @@ def lives_apart(entry: Mapping[str, Any]) -> bool:
 def _plant(settings: Mapping[str, Any], rig_options: RigOptions, station: RealStation) -> Callable[[int], None]:
     wired = [entry for entry in settings["devices"] if not lives_apart(entry)]
     rig = Rig(wired, rig_options.plant, station)
-    for emulator in station.emulators.values():
-        if isinstance(emulator, EmulatedSensoray526):
-            emulator.move_to(station.share(card_name(emulator.base), CARD))
     told = station.share("bench", bench_dtype(rig.plant.axes))
 
     def step(tick: int) -> None:

@@ -21,7 +21,9 @@ GAUGES = range(6)
 class CardRig:
     """An opened card with four counters, six inputs, four outputs, lines 0-3 out and 4-7 in."""
 
-    def __init__(self, wrap: Callable[[PortIO], PortIO] = lambda ports: ports, opened: bool = True, **table: Any) -> None:
+    def __init__(
+        self, wrap: Callable[[PortIO], PortIO] = lambda ports: ports, opened: bool = True, **table: Any
+    ) -> None:
         table = {"base": BASE, **table}
         self.board = Switchboard()
         self.emulated = EmulatedSensoray526("card", table, Station(PERIOD_S, 1, self.board))
