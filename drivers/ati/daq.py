@@ -73,6 +73,9 @@ class AtiDaq:
             raise OptionError(f"{where}: its calibration compensates temperature by a seventh channel", remedy="wire T-out and set t_out_input")  # fmt: skip
         if any(i != int(i) for i in o.inputs):
             raise OptionError(f"{where}.inputs must be whole numbers", value=o.inputs)
+        channels = [*o.inputs, *([] if o.t_out_input is None else [o.t_out_input])]
+        if len(set(channels)) < len(channels):
+            raise OptionError(f"{where}: an input is named twice", value=channels, remedy="give every gauge and T-out an input of its own")  # fmt: skip
         self.name = name
         self._card = site.find(o.card, AnalogCard, name)  # type: ignore[type-abstract]
         self._inputs = np.array(o.inputs, np.intp)
