@@ -23,7 +23,7 @@ LIMIT_V = 10.0
 class HardwareOptions:
     """Settings of the backend "hardware"."""
 
-    devices: tuple = option(
+    devices: tuple[Any, ...] = option(
         shape=(-1,), doc="a table a device, [[backend.options.devices]], in the order they are opened"
     )
     seams: str = option("target", doc='how devices are reached: "target" is this machine, "rig" the emulated bench')
