@@ -101,8 +101,9 @@ class LscAxis:
                 self._put(self._bounds.apply(command_v, hot), True)
 
     def _put(self, command_v: float, enabled: bool) -> None:
-        o, place = self.options, self._place
-        self.group.command_v[place], self.group.enabled[place] = command_v, enabled
+        group, place, o = self.group, self._place, self.options
+        group.command_v[place] = command_v
+        group.enabled[place] = enabled
         self._card.put_voltage(o.output, o.command_direction * command_v)
         self._card.put_line(o.enable_line, enabled)
 
