@@ -1,0 +1,88 @@
+"""What is wrong with a bus and its drives, judged every tick; what stops them stays until it is acknowledged (07 section 7)."""
+
+from drivers.epos.axis import Axis
+from drivers.epos.link import Link
+from drivers.epos.objects import LOST_HEARTBEATS
+from drivers.epos.states import State
+from hal.device import Readings
+from hal.troubles import Trouble
+
+LATE_PERIODS, SILENT_PERIODS = 2, 5
+"""Age of a feedback, in periods of the exchange."""
+DISOBEYED = 2
+"""Feedbacks in a row in which an enabled drive does not follow: the first may still be from before."""
+OWED = 3
+"""Answers that all drives owe together before the bus is said to be overloaded."""
+RESET_EXCHANGES = 10
+"""A drive's time to leave its fault once it was told to."""
+FOR_GOOD = (Trouble.BUS_OFF, Trouble.NODE_REBOOTED)
+"""Not to be acknowledged: the bus and its drives must be opened anew."""
+
+
+class Watch:
+    """Latches of one bus.
+
+    Attributes:
+        latched: what stopped the drives, the first cause first, with the number for its text.
+    """
+
+    def __init__(self, link: Link, divisor: int, heartbeat_ticks: int) -> None:
+        self._link = link
+        self._late, self._silent = LATE_PERIODS * divisor, SILENT_PERIODS * divisor
+        self._no_beat = LOST_HEARTBEATS * heartbeat_ticks + divisor
+        self._resetting_until = RESET_EXCHANGES
+        self.latched: dict[Trouble, float] = {}
+
+    def clear(self) -> None:
+        """The operator has acknowledged. What is still wrong comes back."""
+        link = self._link
+        for trouble in [t for t in self.latched if t not in FOR_GOOD]:
+            del self.latched[trouble]
+        link.unsent = 0
+        link.emergency[:] = [0] * len(link.axes)
+        for axis in link.axes:
+            axis.jump_counts = 0
+        self._resetting_until = link.exchanges + RESET_EXCHANGES
+
+    def judge(self, tick: int, readings: Readings) -> None:
+        """Look at everything, latch and report."""
+        link = self._link
+        if link.off:
+            self._latch(Trouble.BUS_OFF, 0.0)
+        elif link.unsent:
+            heard = any(axis.unanswered <= LATE_PERIODS for axis in link.axes)
+            self._latch(Trouble.BUS_OVERLOAD if heard else Trouble.BUS_OFF, link.unsent)
+        elif link.owed() >= OWED and all(axis.unanswered <= LATE_PERIODS for axis in link.axes):
+            self._latch(Trouble.BUS_OVERLOAD, link.owed() * 2 * len(link.axes))
+        for place, axis in enumerate(link.axes):
+            self._judge_axis(tick, place, axis, readings)
+        for trouble, value in self.latched.items():
+            readings.report(trouble, value)
+        if link.passive:
+            readings.report(Trouble.BUS_PASSIVE)
+
+    def _judge_axis(self, tick: int, place: int, axis: Axis, readings: Readings) -> None:
+        link, number = self._link, axis.options.axis
+        if link.rebooted[place]:
+            self._latch(Trouble.NODE_REBOOTED, number)
+        if self.silent(tick, axis) or (link.exchanges and tick - link.beat_tick[place] > self._no_beat):
+            self._latch(Trouble.NODE_SILENT, number)
+        elif axis.unanswered >= LATE_PERIODS and tick - axis.sampled_tick > self._late:
+            readings.report(Trouble.NODE_LATE, number)
+        if axis.jump_counts:
+            self._latch(Trouble.ENCODER_JUMP, axis.jump_counts)
+        code = link.emergency[place]
+        if code or axis.state == State.FAULT or axis.state == State.REACTING:
+            if link.exchanges <= self._resetting_until and not code:
+                readings.report(Trouble.DRIVE_FAULT, code)
+            elif not self.latched.get(Trouble.DRIVE_FAULT):
+                self.latched[Trouble.DRIVE_FAULT] = code
+        elif axis.disobeyed >= DISOBEYED or (axis.enabled and axis.state != State.ENABLED):
+            self._latch(Trouble.DRIVE_IGNORES, number)
+
+    def silent(self, tick: int, axis: Axis) -> bool:
+        """Its position is too old to be used."""
+        return axis.unanswered >= SILENT_PERIODS and tick - axis.sampled_tick > self._silent
+
+    def _latch(self, trouble: Trouble, value: float) -> None:
+        self.latched.setdefault(trouble, value)

@@ -1,0 +1,212 @@
+"""An emulated CANopen node: NMT, heartbeat, SDO server, SYNC, process data, emergencies (CiA 301, 07 section 2.3)."""
+
+import struct
+from collections import deque
+
+from sim_backends.emulators import epos_objects
+from sim_backends.emulators.epos_can import Frame
+from sim_backends.emulators.epos_drive import Drive
+from sim_backends.emulators.epos_objects import (
+    ABORT_LENGTH,
+    ABORT_NO_OBJECT,
+    ABORT_NO_SUBINDEX,
+    ABORT_RANGE,
+    ABORT_READ_ONLY,
+    Abort,
+    key,
+)
+from sim_backends.emulators.epos_pdo import ProcessData
+
+BOOT_S = 0.005
+"""From a reset to the boot-up frame; of a drive that starts anew with its electronics still warm [U]."""
+BOOT, STOPPED, OPERATIONAL, PREOPERATIONAL = 0x00, 0x04, 0x05, 0x7F
+NMT, SYNC = 0x000, 0x080
+SDO_UNKNOWN = 0x05040001
+HEARTBEAT_LOST, HEARTBEAT_REGISTER = 0x8130, 0x11
+
+
+class Node:
+    """A drive on the bus.
+
+    Attributes:
+        mute, heartbeat_dead: says nothing any more; sends no heartbeat any more.
+        refused, distorted: numbers (index) of objects whose SDO transfers are aborted, that read back wrong.
+        deaf_to_sync: SYNCs that it will miss.
+    """
+
+    def __init__(self, node: int, generation: str) -> None:
+        self.node, self.generation = node, generation
+        self.outgoing: deque[Frame] = deque()
+        self.hears: set[int] = set()
+        self.mute = self.heartbeat_dead = False
+        self.refused = self.distorted = self.deaf_to_sync = 0
+        self.drive = Drive(generation)
+        self._start()
+        self.state = PREOPERATIONAL  # it was switched on long ago
+
+    def _start(self) -> None:
+        self.state, self._boot_s = BOOT, 0.0
+        self.outgoing.clear()
+        self._objects = epos_objects.make(self.node, self.generation)
+        self.drive.start(self._objects, self._emergency)
+        self.pdo = ProcessData(self._objects, self._listen)
+        self._since_beat_s, self._since_master_s, self._syncs = 0.0, -1.0, 0
+
+    def restart(self) -> None:
+        """As after a dip of its supply: position, settings and mappings are lost."""
+        self.drive.power_stage = False
+        self._start()
+
+    def _listen(self) -> None:
+        master = self._objects[key(0x1016, 1)].value >> 16 & 0x7F
+        self._beat_of_master = 0x700 + master
+        self.hears = {NMT, SYNC, 0x600 + self.node, self._beat_of_master}
+        if hasattr(self, "pdo"):
+            self.hears |= {p.identifier for p in self.pdo.received}
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        if not self.mute:
+            self.outgoing.append((identifier, data))
+
+    def _emergency(self, code: int, register: int) -> None:
+        if self.state in (OPERATIONAL, PREOPERATIONAL):
+            self._send(0x80 + self.node, struct.pack("<HB5x", code, register))
+
+    def hear(self, identifier: int, data: bytes) -> None:
+        """See :class:`sim_backends.emulators.epos_can.Participant`."""
+        if self.state == BOOT:
+            return
+        if identifier == SYNC:
+            if self.state == OPERATIONAL:
+                self._sync()
+        elif identifier == NMT:
+            if len(data) == 2 and data[1] in (0, self.node):
+                self._command(data[0])
+        elif identifier == 0x600 + self.node:
+            if self.state != STOPPED and len(data) == 8:
+                self._serve(data)
+        elif identifier == self._beat_of_master:
+            self._since_master_s = 0.0
+        elif self.state == OPERATIONAL:
+            self._receive(identifier, data)
+
+    def _receive(self, identifier: int, data: bytes) -> None:
+        for pdo in self.pdo.received:
+            if pdo.identifier == identifier and len(data) >= pdo.codes.size:
+                if pdo.synchronous:
+                    pdo.waiting = data
+                else:
+                    pdo.put(data)
+                    self.drive.obey(pdo.has_controlword)
+
+    def _sync(self) -> None:
+        """Sample first, then take over what was received since the last SYNC."""
+        if self.deaf_to_sync:
+            self.deaf_to_sync -= 1
+            return
+        self._syncs += 1
+        for pdo in self.pdo.sent:
+            if pdo.synchronous and (pdo.kind == 0 or self._syncs % pdo.kind == 0):
+                self._send(pdo.identifier, pdo.take())
+        for pdo in self.pdo.received:
+            if pdo.waiting is not None:
+                pdo.put(pdo.waiting)
+                pdo.waiting = None
+                self.drive.obey(pdo.has_controlword)
+
+    def _command(self, command: int) -> None:
+        if command == 0x81:
+            self.restart()
+        elif command == 0x82:
+            self._start()
+        elif command in (0x01, 0x02, 0x80):
+            wanted = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PREOPERATIONAL}[command]
+            if self.state == OPERATIONAL != wanted:
+                self.drive.lose_master(self._objects[key(0x6007)].value)
+            self.state = wanted
+
+    def advance(self, dt_s: float) -> None:
+        """Let the node's own time pass."""
+        if self.state == BOOT:
+            self._boot_s += dt_s
+            if self._boot_s >= BOOT_S:
+                self.state = PREOPERATIONAL
+                self._send(0x700 + self.node, bytes((BOOT,)))
+            return
+        self._watch_master(dt_s)
+        self.drive.advance(dt_s)
+        self._beat(dt_s)
+        if self.state == OPERATIONAL:
+            for pdo in self.pdo.sent:
+                if not pdo.synchronous and (data := pdo.take()) != pdo.last:
+                    pdo.last = data
+                    self._send(pdo.identifier, data)
+
+    def _beat(self, dt_s: float) -> None:
+        period_ms = self._objects[key(0x1017)].value
+        self._since_beat_s += dt_s
+        if period_ms and self._since_beat_s > (period_ms - 0.5) / 1e3:
+            self._since_beat_s = 0.0
+            if not self.heartbeat_dead:
+                self._send(0x700 + self.node, bytes((self.state,)))
+
+    def _watch_master(self, dt_s: float) -> None:
+        """A master that was heard once must go on being heard."""
+        limit_ms = self._objects[key(0x1016, 1)].value & 0xFFFF
+        if not limit_ms or self._since_master_s < 0.0:
+            return
+        self._since_master_s += dt_s
+        if self._since_master_s * 1e3 > limit_ms:
+            self._since_master_s = -1.0
+            self._emergency(HEARTBEAT_LOST, HEARTBEAT_REGISTER)
+            self.drive.lose_master(self._objects[key(0x6007)].value)
+
+    def _serve(self, request: bytes) -> None:
+        """Expedited transfers; no object here is longer than four bytes."""
+        command, index, sub = struct.unpack_from("<BHB", request)
+        if command == 0x80:
+            return
+        try:
+            if command >> 5 == 2:
+                size, data = self._read(index, sub)
+                reply = struct.pack("<BHB4s", 0x43 | (4 - size) << 2, index, sub, data)
+            elif command >> 5 == 1 and command & 0x02:
+                size = 4 - (command >> 2 & 3) if command & 0x01 else 4
+                self._write(index, sub, request[4 : 4 + size])
+                reply = struct.pack("<BHB4x", 0x60, index, sub)
+            else:
+                raise Abort(SDO_UNKNOWN)
+        except Abort as abort:
+            reply = struct.pack("<BHBI", 0x80, index, sub, abort.code)
+        self._send(0x580 + self.node, reply)
+
+    def _find(self, index: int, sub: int) -> epos_objects.Entry:
+        if index == self.refused:
+            raise Abort(ABORT_RANGE)
+        entry = self._objects.get(key(index, sub))
+        if entry is None:
+            raise Abort(ABORT_NO_SUBINDEX if key(index) in self._objects else ABORT_NO_OBJECT)
+        return entry
+
+    def _read(self, index: int, sub: int) -> tuple[int, bytes]:
+        data = bytearray(self._find(index, sub).pack())
+        if index == self.distorted:
+            data[0] ^= 1
+        return len(data), bytes(data)
+
+    def _write(self, index: int, sub: int, data: bytes) -> None:
+        entry = self._find(index, sub)
+        if not entry.writable:
+            raise Abort(ABORT_READ_ONLY)
+        if len(data) != entry.size:
+            raise Abort(ABORT_LENGTH)
+        (value,) = struct.unpack("<" + entry.code, data)
+        if 0x1400 <= index < 0x1C00:
+            self.pdo.check(index, sub, value, self.state == PREOPERATIONAL)
+        self.drive.check(index, value)
+        entry.value = value
+        if 0x1400 <= index < 0x1C00:
+            self.pdo.compile()
+        elif index == 0x1016:
+            self._listen()
+        self.drive.obey(index == 0x6040)
