@@ -184,7 +184,7 @@ def _read_options(table: Mapping[str, Any]) -> HardwareOptions:
     if not isinstance(entries, list | tuple) or not entries or not all(isinstance(e, Mapping) for e in entries):
         raise OptionError("backend.options.devices must be a list of tables", value=entries or None, remedy="write [[backend.options.devices]] once for every device")  # fmt: skip
     rest = {k: v for k, v in table.items() if k != "devices"}
-    read = options.read(HardwareOptions, {**rest, "devices": []}, "backend.options")
+    read = options.read(HardwareOptions, {**rest, "devices": ()}, "backend.options")
     return HardwareOptions(tuple(entries), read.seams, read.watchdog_ticks)
 
 

@@ -98,7 +98,7 @@ class EposBus:
             return
         link.receive(tick)
         known = len(watch.latched)
-        watch.judge(tick, readings)
+        watch.judge(tick, readings, self._power)
         self._urgent = self._urgent or len(watch.latched) > known
         powered = self._power and not watch.latched
         oldest = 0
@@ -170,7 +170,7 @@ class EposBus:
         """Identity of all drives, and the counters of the bus."""
         link = self._link
         errors = {} if link is None else {
-            "unsent": link.unsent, "malformed": link.malformed, "error_frames": link.error_frames,
+            "unsent": link.all_unsent, "malformed": link.malformed, "error_frames": link.error_frames,
             "emergencies": link.emergencies, "sync_late": link.sync_late,
         }  # fmt: skip
         return Health(self._identity, self._firmware, self._age_ticks, errors)

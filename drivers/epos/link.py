@@ -25,7 +25,7 @@ class Link:
 
     Attributes:
         off: the controller is bus-off, or the interface is down. passive: it is error-passive.
-        unsent: frames the transmit queue did not take.
+        unsent: frames of the latest exchange that the transmit queue did not take; all_unsent: of all.
         sync_tick: of the latest exchange; exchanges: how many there were.
         rebooted, emergency, beat_tick: by place in `axes`: started anew; code of the last emergency; latest heartbeat.
         malformed, error_frames, emergencies, sync_late: counters.
@@ -34,7 +34,7 @@ class Link:
     def __init__(self, bus: Any, axes: Sequence[Axis], master: int) -> None:
         self.bus, self.axes = bus, tuple(axes)
         self.off = self.passive = False
-        self.unsent = self.exchanges = self.sync_tick = 0
+        self.unsent = self.all_unsent = self.exchanges = self.sync_tick = 0
         n = len(self.axes)
         self.rebooted, self.emergency, self.beat_tick = [False] * n, [0] * n, [0] * n
         self.malformed = self.error_frames = self.emergencies = self.sync_late = 0
@@ -104,6 +104,7 @@ class Link:
         if self.exchanges == 0:
             self.sync_tick = tick
             self.beat_tick = [tick] * len(self.axes)
+        self.unsent = 0
         for axis in self.axes:
             self._send(axis.message)
             if self.exchanges == 0:
@@ -111,7 +112,7 @@ class Link:
             axis.unanswered += 1
         self._send(self._sync)
         if self.exchanges % WINDOW == 0:
-            self._window = [axis.samples - self.exchanges for axis in self.axes]
+            self.forgive()
         self.exchanges += 1
         self.sync_tick = tick
 
@@ -123,9 +124,13 @@ class Link:
         """Take a node out of operation."""
         self._send(can.Message(arbitration_id=NMT_COB, is_extended_id=False, data=bytes((PREOPERATIONAL, node))))
 
+    def forgive(self) -> None:
+        """Begin a new window: nothing is owed."""
+        self._window = [axis.samples - self.exchanges for axis in self.axes]
+
     def owed(self) -> int:
         """Answers that every drive owes for the latest exchanges: more than one means that the bus lags behind."""
-        return min(self.exchanges + window - axis.samples for axis, window in zip(self.axes, self._window, strict=True))
+        return min(self.exchanges - axis.samples + window for axis, window in zip(self.axes, self._window, strict=True))
 
     def _send(self, message: can.Message) -> None:
         if self.off:
@@ -134,6 +139,7 @@ class Link:
             self.bus.send(message)
         except (can.CanError, OSError):
             self.unsent += 1
+            self.all_unsent += 1
 
 
 def _is_plain(message: can.Message) -> bool:

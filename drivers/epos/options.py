@@ -37,10 +37,10 @@ class NodeOptions:
     gain_a_per_v: float | None = option(None, low=1e-4, high=10.0, unit="A/V", doc="current modes: current of one volt of set value")  # fmt: skip
     gain_rad_per_s_per_v: float | None = option(None, low=1e-3, high=1000.0, unit="rad/(s V)", doc="other modes: speed of one volt of set value")  # fmt: skip
     following_error_ms: int = option(0, low=0, high=1000, unit="ms", doc="how long the following error may last (6066, EPOS4)")  # fmt: skip
-    position_limits_rad: tuple = option((), shape=(-1,), unit="rad", doc="two limits in the position modes (607D), from where the drive is switched on; none without")  # fmt: skip
-    rated_current_object: tuple = option((), shape=(-1,), doc="index and sub-index, if not 3001:1 (EPOS4) or 6410:1 (EPOS2); to be confirmed in the manual")  # fmt: skip
-    current_limit_object: tuple = option((), shape=(-1,), doc="index and sub-index, if not 3001:2 (EPOS4) or 6410:2 (EPOS2); to be confirmed in the manual")  # fmt: skip
-    objects: tuple = option((), shape=(-1, 4), doc="further objects written and read back: [index, sub-index, bytes, value]")  # fmt: skip
+    position_limits_rad: tuple[Any, ...] = option((), shape=(-1,), unit="rad", doc="two limits in the position modes (607D), from where the drive is switched on; none without")  # fmt: skip
+    rated_current_object: tuple[Any, ...] = option((), shape=(-1,), doc="index and sub-index, if not 3001:1 (EPOS4) or 6410:1 (EPOS2); to be confirmed in the manual")  # fmt: skip
+    current_limit_object: tuple[Any, ...] = option((), shape=(-1,), doc="index and sub-index, if not 3001:2 (EPOS4) or 6410:2 (EPOS2); to be confirmed in the manual")  # fmt: skip
+    objects: tuple[Any, ...] = option((), shape=(-1, 4), doc="further objects written and read back: [index, sub-index, bytes, value]")  # fmt: skip
 
     @property
     def by_current(self) -> bool:
@@ -68,7 +68,7 @@ def read(name: str, table: Mapping[str, Any], site: Site) -> EposOptions:
     entries = table.get("nodes", ())
     if not isinstance(entries, list | tuple) or not entries:
         raise OptionError(f"{where}.nodes must be a list of tables", value=entries or None, remedy="write [[backend.options.devices.nodes]] once for every drive")  # fmt: skip
-    plain = options.read(EposOptions, {**table, "nodes": []}, where)
+    plain = options.read(EposOptions, {**table, "nodes": ()}, where)
     nodes = tuple(_read_node(f"{where}.nodes[{i}]", entry) for i, entry in enumerate(entries))
     for what in ("node", "axis"):
         numbers = [getattr(node, what) for node in nodes]

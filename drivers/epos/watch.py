@@ -13,8 +13,6 @@ DISOBEYED = 2
 """Feedbacks in a row in which an enabled drive does not follow: the first may still be from before."""
 OWED = 3
 """Answers that all drives owe together before the bus is said to be overloaded."""
-RESET_EXCHANGES = 10
-"""A drive's time to leave its fault once it was told to."""
 FOR_GOOD = (Trouble.BUS_OFF, Trouble.NODE_REBOOTED)
 """Not to be acknowledged: the bus and its drives must be opened anew."""
 
@@ -22,46 +20,51 @@ FOR_GOOD = (Trouble.BUS_OFF, Trouble.NODE_REBOOTED)
 class Watch:
     """Latches of one bus.
 
+    What stops the drives is latched while power is asked for. Without power it is what it is at the moment: then there is
+    nothing to stop, and what has been mended shall not keep the drives from being armed.
+
     Attributes:
-        latched: what stopped the drives, the first cause first, with the number for its text.
+        latched: what stops the drives, the first cause first, with the number for its text.
     """
 
     def __init__(self, link: Link, divisor: int, heartbeat_ticks: int) -> None:
         self._link = link
         self._late, self._silent = LATE_PERIODS * divisor, SILENT_PERIODS * divisor
         self._no_beat = LOST_HEARTBEATS * heartbeat_ticks + divisor
-        self._resetting_until = RESET_EXCHANGES
         self.latched: dict[Trouble, float] = {}
 
     def clear(self) -> None:
         """The operator has acknowledged. What is still wrong comes back."""
-        link = self._link
+        self._release()
+        self._link.forgive()
+        for place, axis in enumerate(self._link.axes):
+            axis.jump_counts = 0
+            self._link.emergency[place] = 0
+
+    def _release(self) -> None:
         for trouble in [t for t in self.latched if t not in FOR_GOOD]:
             del self.latched[trouble]
-        link.unsent = 0
-        link.emergency[:] = [0] * len(link.axes)
-        for axis in link.axes:
-            axis.jump_counts = 0
-        self._resetting_until = link.exchanges + RESET_EXCHANGES
 
-    def judge(self, tick: int, readings: Readings) -> None:
-        """Look at everything, latch and report."""
+    def judge(self, tick: int, readings: Readings, power: bool) -> None:
+        """Look at everything, latch and report. power: it is asked for."""
         link = self._link
+        if self.latched and not power:
+            self._release()
         if link.off:
             self._latch(Trouble.BUS_OFF, 0.0)
-        elif link.unsent:
+        elif link.unsent and Trouble.BUS_OVERLOAD not in self.latched:
             heard = any(axis.unanswered <= LATE_PERIODS for axis in link.axes)
             self._latch(Trouble.BUS_OVERLOAD if heard else Trouble.BUS_OFF, link.unsent)
         elif link.owed() >= OWED and all(axis.unanswered <= LATE_PERIODS for axis in link.axes):
             self._latch(Trouble.BUS_OVERLOAD, link.owed() * 2 * len(link.axes))
         for place, axis in enumerate(link.axes):
-            self._judge_axis(tick, place, axis, readings)
+            self._judge_axis(tick, place, axis, readings, power)
         for trouble, value in self.latched.items():
             readings.report(trouble, value)
         if link.passive:
             readings.report(Trouble.BUS_PASSIVE)
 
-    def _judge_axis(self, tick: int, place: int, axis: Axis, readings: Readings) -> None:
+    def _judge_axis(self, tick: int, place: int, axis: Axis, readings: Readings, power: bool) -> None:
         link, number = self._link, axis.options.axis
         if link.rebooted[place]:
             self._latch(Trouble.NODE_REBOOTED, number)
@@ -71,12 +74,12 @@ class Watch:
             readings.report(Trouble.NODE_LATE, number)
         if axis.jump_counts:
             self._latch(Trouble.ENCODER_JUMP, axis.jump_counts)
-        code = link.emergency[place]
-        if code or axis.state == State.FAULT or axis.state == State.REACTING:
-            if link.exchanges <= self._resetting_until and not code:
-                readings.report(Trouble.DRIVE_FAULT, code)
-            elif not self.latched.get(Trouble.DRIVE_FAULT):
-                self.latched[Trouble.DRIVE_FAULT] = code
+        faulty = axis.state == State.FAULT or axis.state == State.REACTING
+        if not faulty and not power:
+            link.emergency[place] = 0  # the code of a fault that is over
+        if faulty or link.emergency[place]:
+            if not self.latched.get(Trouble.DRIVE_FAULT):  # the code may come after the statusword
+                self.latched[Trouble.DRIVE_FAULT] = link.emergency[place]
         elif axis.disobeyed >= DISOBEYED or (axis.enabled and axis.state != State.ENABLED):
             self._latch(Trouble.DRIVE_IGNORES, number)
 

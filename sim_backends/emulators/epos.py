@@ -1,8 +1,9 @@
 """Emulated drives on an emulated CAN bus: the double of the device kind "epos_bus".
 
 In the torque modes (CST, current) a drive is an amplifier of the bench: its current reaches the bench's motor as a command,
-and its encoder shows the bench's angle, so that the plant closes the loop. In all other modes the loop is closed inside
-the drive, around a motor of its own (:mod:`sim_backends.emulators.epos_rotor`), which the bench does not see.
+and its encoder shows the bench's angle, so that the plant closes the loop. In all other modes, and for an axis that the
+bench does not have, the drive turns a motor of its own (:mod:`sim_backends.emulators.epos_rotor`), which the bench does not
+see.
 """
 
 from collections.abc import Mapping
@@ -31,6 +32,8 @@ class EmulatedEposBus:
         "sdo_abort", "wrong_readback", "sync_delay",
     )  # fmt: skip
 
+    apart = False
+
     def __init__(self, name: str, table: Mapping[str, Any], station: Station) -> None:
         self.name, self._period_s = name, station.period_s
         channel = table["channel"]
@@ -50,6 +53,8 @@ class EmulatedEposBus:
     def sense(self, tick: int, bench: Bench) -> None:  # noqa: ARG002
         """The encoders see where the bench has come to."""
         for node, axis, direction, _ in self._wiring:
+            if axis >= len(bench.angle_rad):
+                continue
             node.drive.loops.sense(direction * float(bench.angle_rad[axis]), self._period_s)
             node.drive.loops.show()
 
@@ -62,7 +67,9 @@ class EmulatedEposBus:
             for node in self.nodes.values():
                 node.advance(self._period_s)
         for node, axis, direction, gain_a_per_v in self._wiring:
-            turned = node.drive.loops.torque_mode
+            if axis >= len(bench.angle_rad):
+                continue
+            turned = node.drive.loops.turns_bench
             bench.enabled[axis] = turned and node.drive.power_stage
             bench.command_v[axis] = direction * node.drive.loops.current_set_a / gain_a_per_v if turned else 0.0
 

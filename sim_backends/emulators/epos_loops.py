@@ -20,7 +20,7 @@ STANDSTILL_RAD_S, PATIENCE_S = 1.0, 0.1
 class Loops:
     """Attributes:
     counts_per_rad: of the encoder. current_set_a: what the drive asks of its current loop.
-    rotor: the drive's own motor, which turns in all modes but the torque modes; there the bench's turns.
+    rotor: the drive's own motor, which turns in all modes but the torque modes; there the bench's turns, if there is one.
     """
 
     def __init__(self, generation: str) -> None:
@@ -30,6 +30,7 @@ class Loops:
         self.current_set_a = 0.0
         self._bench_rad = self._bench_rate = 0.0
         self._zero_rad = 0.0
+        self._on_bench = False
 
     def start(self, objects: dict[int, Entry]) -> None:
         """After a reset the encoder counts from zero."""
@@ -37,7 +38,7 @@ class Loops:
         self._set_rad = self._goal = self._rate = self._integral_a = 0.0
         self._span_s = self._late_s = self._ramp_s = 0.0
         self._acknowledged = self._limited = False
-        self._zero_rad = self._bench_rad if self.torque_mode else self.rotor.angle_rad
+        self._zero_rad = self._bench_rad if self.turns_bench else self.rotor.angle_rad
 
     @property
     def mode(self) -> int:
@@ -45,23 +46,24 @@ class Loops:
         return self._o[key(0x6060)].value
 
     @property
-    def torque_mode(self) -> bool:
-        """The bench's rotor turns."""
-        return self.mode in TORQUE_MODES
+    def turns_bench(self) -> bool:
+        """The bench's rotor turns, and not the drive's own."""
+        return self._on_bench and self.mode in TORQUE_MODES
 
     @property
     def angle_rad(self) -> float:
         """Of the shaft that the encoder sits on."""
-        return (self._bench_rad if self.torque_mode else self.rotor.angle_rad) - self._zero_rad
+        return (self._bench_rad if self.turns_bench else self.rotor.angle_rad) - self._zero_rad
 
     @property
     def rate_rad_per_s(self) -> float:
         """Of the same."""
-        return self._bench_rate if self.torque_mode else self.rotor.rate_rad_per_s
+        return self._bench_rate if self.turns_bench else self.rotor.rate_rad_per_s
 
     def sense(self, angle_rad: float, dt_s: float) -> None:
         """The bench's rotor has come to an angle."""
-        self._bench_rate, self._bench_rad = (angle_rad - self._bench_rad) / dt_s, angle_rad
+        self._bench_rate = (angle_rad - self._bench_rad) / dt_s if self._on_bench else 0.0
+        self._bench_rad, self._on_bench = angle_rad, True
 
     def begin(self) -> None:
         """The power stage is up: hold where the shaft is."""
@@ -83,7 +85,7 @@ class Loops:
         self.current_set_a, failed = 0.0, False
         if ramping:
             self._brake(dt_s)
-        elif following and self.torque_mode:
+        elif following and self.mode in TORQUE_MODES:
             self.current_set_a = self._asked_current_a()
         elif following and self.mode == VELOCITY:
             self._rate = self._o[key(0x206B)].value * RPM
@@ -93,7 +95,7 @@ class Loops:
             failed = self._is_behind(dt_s)
         limit_a = self._o[key(0x3001, 2) if self.is_epos4 else key(0x6410, 2)].value / 1e3
         self.current_set_a = min(max(self.current_set_a, -limit_a), limit_a)
-        if not self.torque_mode:
+        if not self.turns_bench:
             self.rotor.turn(self.current_set_a, powered, dt_s)
         return failed
 
