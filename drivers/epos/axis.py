@@ -10,6 +10,7 @@ from drivers.epos.objects import FEEDBACK_COB, PER_MINUTE, SETPOINT_COB, positio
 from drivers.epos.options import NodeOptions
 from drivers.epos.states import STATE_OF, UPWARD, State
 
+ENABLED, IN_QUICK_STOP, FAULT = State.ENABLED, State.QUICK_STOP, State.FAULT  # the tick has no time to look up enums
 FEEDBACK = struct.Struct("<Hi")
 SHORT, LONG = struct.Struct("<Hh"), struct.Struct("<Hi")
 HIGHEST_16 = 2**15 - 1
@@ -25,14 +26,15 @@ class Axis:
 
     Attributes:
         angle_rad: accumulated since the first feedback, in the axis's own sense. samples: feedbacks received.
-        sampled_tick: when the drive sampled the latest. unanswered: SYNCs since.
+        sampled_tick: when the drive sampled the latest. unanswered: SYNCs since. owed: feedbacks missing since `forgive`.
+        silent: its position is too old to be used.
         state: of the drive. enabled: it was seen enabled since power was asked for.
         jump_counts: size of an impossible step of the encoder, 0 for none. disobeyed: feedbacks in a row without bit 12.
         message: what goes out, its data filled in by :meth:`demand`.
     """
 
     def __init__(self, options: NodeOptions, divisor: int, period_s: float) -> None:
-        self.options, self._divisor = options, divisor
+        self.options, self.number, self._divisor = options, options.axis, divisor
         self.setpoint_cob, self.feedback_cob = SETPOINT_COB + options.node, FEEDBACK_COB + options.node
         codes = SHORT if options.by_current else LONG
         self.message = can.Message(arbitration_id=self.setpoint_cob, is_extended_id=False, data=bytes(codes.size))
@@ -64,7 +66,8 @@ class Axis:
 
     def forget(self) -> None:
         """As before the first feedback."""
-        self.samples, self.sampled_tick, self.unanswered = 0, 0, 0
+        self.samples, self.sampled_tick, self.unanswered, self.owed = 0, 0, 0, 0
+        self.silent = False
         self.state, self.enabled, self.status = State.UNKNOWN, False, 0
         self.angle_rad, self.jump_counts, self.disobeyed = 0.0, 0, 0
         self._counts, self._travel, self._set = 0, 0, 0.0
@@ -82,8 +85,9 @@ class Axis:
         self._counts = counts
         self.angle_rad = self._travel * self._rad_per_count
         self.samples += 1
+        self.owed -= 1
         self.sampled_tick, self.unanswered = sync_tick, 0
-        if self._tells_that_it_follows and self.state == State.ENABLED and not self.status & states.FOLLOWS:
+        if self._tells_that_it_follows and self.state is ENABLED and not self.status & states.FOLLOWS:
             self.disobeyed += 1
         else:
             self.disobeyed = 0
@@ -97,15 +101,15 @@ class Axis:
         state = self.state
         if arm:
             word = UPWARD[state]
-            self.enabled = self.enabled or state == State.ENABLED
+            self.enabled = self.enabled or state is ENABLED
         else:
             self.enabled = False
             word = states.DISABLE
-            if (state == State.ENABLED or state == State.QUICK_STOP) and not coast:
+            if (state is ENABLED or state is IN_QUICK_STOP) and not coast:
                 word = states.QUICK_STOP
-            elif state == State.FAULT and reset:
+            elif state is FAULT and reset:
                 word = states.FAULT_RESET
-        if not (arm and state == State.ENABLED):
+        if not (arm and state is ENABLED):
             value = self._set = float(self._counts) if self._integrates else 0.0
         else:
             value = min(max(self._per_v * command_v, -self._largest), self._largest)

@@ -27,6 +27,8 @@ from hal.device import NEVER, Demand, Finding, Health, Readings, Site
 from hal.errors import BackendError
 from hal.frames import VALID
 
+ENABLED, FAULTY = State.ENABLED, (State.FAULT, State.REACTING)  # the tick has no time to look up enums
+NOT_TO_RESET = (State.UNKNOWN, State.REACTING)
 ENERGISED = (State.ENABLED, State.QUICK_STOP, State.REACTING)
 
 
@@ -41,10 +43,11 @@ class EposBus:
         self.options = options.read(name, table, site)
         divisor, period_s = self.options.divisor, site.period_s
         self._axes = tuple(Axis(node, divisor, period_s) for node in self.options.nodes)
-        self.axes = tuple(axis.options.axis for axis in self._axes)
+        self.axes = tuple(axis.number for axis in self._axes)
         self._beat_ticks = max(1, round(self.options.heartbeat_ms / period_s / 1e3))
         self._stop_ticks = round(self.options.quick_stop_ms / period_s / 1e3)
         self._link: Link | None = None
+        self._watch: Watch | None = None
         self._service: Service | None = None
         self._identity = self._firmware = ""
         self._age_ticks = NEVER
@@ -93,7 +96,7 @@ class EposBus:
 
     def read(self, tick: int, readings: Readings) -> None:
         """Angles and what is wrong."""
-        link, watch = self._link, getattr(self, "_watch", None)
+        link, watch = self._link, self._watch
         if link is None or watch is None:
             return
         link.receive(tick)
@@ -103,33 +106,35 @@ class EposBus:
         powered = self._power and not watch.latched
         oldest = 0
         for place, axis in enumerate(self._axes):
-            i = axis.options.axis
-            readings.axis_fault[i] = axis.state in (State.FAULT, State.REACTING) or link.emergency[place] != 0
+            i, age = axis.number, tick - axis.sampled_tick
+            state = axis.state
+            if state in FAULTY or link.emergency[place]:
+                readings.axis_fault[i] = True
             if not axis.samples:
                 oldest = NEVER
                 continue
-            age = tick - axis.sampled_tick
             oldest = max(oldest, age)
             readings.axis_age_ticks[i] = min(age, NEVER)
             readings.axis_sequence[i] = axis.samples
-            readings.axis_powered[i] = powered and axis.state == State.ENABLED
-            if not (link.off or link.rebooted[place] or axis.jump_counts or watch.silent(tick, axis)):
+            if powered and state is ENABLED:
+                readings.axis_powered[i] = True
+            if not (link.off or link.rebooted[place] or axis.jump_counts or axis.silent):
                 readings.axis_angle_rad[i] = axis.angle_rad
                 readings.axis_validity[i] = VALID
         self._age_ticks = oldest
 
     def write(self, tick: int, demand: Demand) -> None:
         """Every divisor ticks, and at once when power goes or something stopped the drives."""
-        link = self._link
-        if link is None:
+        link, watch = self._link, self._watch
+        if link is None or watch is None:
             return
         if demand.clear_faults:
-            self._watch.clear()
+            watch.clear()
             self._reset = [True] * len(self._axes)
         if tick - self._beat_tick >= self._beat_ticks:
             self._beat_tick = tick
             link.beat()
-        arm = demand.power and not self._watch.latched
+        arm = demand.power and not watch.latched
         if self._armed and not arm:
             self._stop_tick, self._urgent = tick, True
         self._power, self._armed = demand.power, arm
@@ -140,10 +145,10 @@ class EposBus:
             link.sync_late += 1
         self._urgent = False
         coast = tick - self._stop_tick > self._stop_ticks
-        command = demand.command_v
+        command = demand.command_v.tolist()
         for place, axis in enumerate(self._axes):
-            axis.demand(command[axis.options.axis], arm, coast, self._reset[place])
-            if arm or axis.state not in (State.UNKNOWN, State.REACTING):
+            axis.demand(command[axis.number], arm, coast, self._reset[place])
+            if arm or axis.state not in NOT_TO_RESET:
                 self._reset[place] = False  # one rising edge, for one acknowledgement
         link.exchange(tick)
 

@@ -43,7 +43,6 @@ class Link:
         self._by_emergency = {EMERGENCY_COB + axis.options.node: i for i, axis in enumerate(self.axes)}
         self._sync = can.Message(arbitration_id=SYNC_COB, is_extended_id=False)
         self._beat = can.Message(arbitration_id=HEARTBEAT_COB + master, is_extended_id=False, data=bytes((OPERATIONAL,)))  # fmt: skip
-        self._window = [0] * n
 
     def receive(self, tick: int) -> None:
         """Take what has come."""
@@ -105,14 +104,15 @@ class Link:
             self.sync_tick = tick
             self.beat_tick = [tick] * len(self.axes)
         self.unsent = 0
+        if self.exchanges % WINDOW == 0:
+            self.forgive()
         for axis in self.axes:
             self._send(axis.message)
             if self.exchanges == 0:
                 axis.sampled_tick = tick
             axis.unanswered += 1
+            axis.owed += 1
         self._send(self._sync)
-        if self.exchanges % WINDOW == 0:
-            self.forgive()
         self.exchanges += 1
         self.sync_tick = tick
 
@@ -125,12 +125,9 @@ class Link:
         self._send(can.Message(arbitration_id=NMT_COB, is_extended_id=False, data=bytes((PREOPERATIONAL, node))))
 
     def forgive(self) -> None:
-        """Begin a new window: nothing is owed."""
-        self._window = [axis.samples - self.exchanges for axis in self.axes]
-
-    def owed(self) -> int:
-        """Answers that every drive owes for the latest exchanges: more than one means that the bus lags behind."""
-        return min(self.exchanges - axis.samples + window for axis, window in zip(self.axes, self._window, strict=True))
+        """Nothing is owed from now on."""
+        for axis in self.axes:
+            axis.owed = 0
 
     def _send(self, message: can.Message) -> None:
         if self.off:

@@ -17,6 +17,9 @@ FOR_GOOD = (Trouble.BUS_OFF, Trouble.NODE_REBOOTED)
 """Not to be acknowledged: the bus and its drives must be opened anew."""
 
 
+ENABLED, FAULTY = State.ENABLED, (State.FAULT, State.REACTING)  # the tick has no time to look up enums
+
+
 class Watch:
     """Latches of one bus.
 
@@ -55,8 +58,8 @@ class Watch:
         elif link.unsent and Trouble.BUS_OVERLOAD not in self.latched:
             heard = any(axis.unanswered <= LATE_PERIODS for axis in link.axes)
             self._latch(Trouble.BUS_OVERLOAD if heard else Trouble.BUS_OFF, link.unsent)
-        elif link.owed() >= OWED and all(axis.unanswered <= LATE_PERIODS for axis in link.axes):
-            self._latch(Trouble.BUS_OVERLOAD, link.owed() * 2 * len(link.axes))
+        elif self._lags():
+            self._latch(Trouble.BUS_OVERLOAD, sum(axis.owed for axis in link.axes) * 2)
         for place, axis in enumerate(link.axes):
             self._judge_axis(tick, place, axis, readings, power)
         for trouble, value in self.latched.items():
@@ -65,27 +68,29 @@ class Watch:
             readings.report(Trouble.BUS_PASSIVE)
 
     def _judge_axis(self, tick: int, place: int, axis: Axis, readings: Readings, power: bool) -> None:
-        link, number = self._link, axis.options.axis
+        link, number = self._link, axis.number
         if link.rebooted[place]:
             self._latch(Trouble.NODE_REBOOTED, number)
-        if self.silent(tick, axis) or (link.exchanges and tick - link.beat_tick[place] > self._no_beat):
+        age = tick - axis.sampled_tick
+        axis.silent = axis.unanswered >= SILENT_PERIODS and age > self._silent
+        if axis.silent or (tick - link.beat_tick[place] > self._no_beat and link.exchanges):
             self._latch(Trouble.NODE_SILENT, number)
-        elif axis.unanswered >= LATE_PERIODS and tick - axis.sampled_tick > self._late:
+        elif axis.unanswered >= LATE_PERIODS and age > self._late:
             readings.report(Trouble.NODE_LATE, number)
         if axis.jump_counts:
             self._latch(Trouble.ENCODER_JUMP, axis.jump_counts)
-        faulty = axis.state == State.FAULT or axis.state == State.REACTING
+        faulty = axis.state in FAULTY
         if not faulty and not power:
             link.emergency[place] = 0  # the code of a fault that is over
         if faulty or link.emergency[place]:
             if not self.latched.get(Trouble.DRIVE_FAULT):  # the code may come after the statusword
                 self.latched[Trouble.DRIVE_FAULT] = link.emergency[place]
-        elif axis.disobeyed >= DISOBEYED or (axis.enabled and axis.state != State.ENABLED):
+        elif axis.disobeyed >= DISOBEYED or (axis.enabled and axis.state is not ENABLED):
             self._latch(Trouble.DRIVE_IGNORES, number)
 
-    def silent(self, tick: int, axis: Axis) -> bool:
-        """Its position is too old to be used."""
-        return axis.unanswered >= SILENT_PERIODS and tick - axis.sampled_tick > self._silent
+    def _lags(self) -> bool:
+        """All drives owe answers, and yet they are there: it is the bus."""
+        return all(axis.owed >= OWED and axis.unanswered <= LATE_PERIODS for axis in self._link.axes)
 
     def _latch(self, trouble: Trouble, value: float) -> None:
         self.latched.setdefault(trouble, value)

@@ -29,7 +29,7 @@ class Participant(Protocol):
     """A device on the bus."""
 
     outgoing: deque[Frame]
-    """frames it wants to send, in order"""
+    """frames it wants to send, in order; always the same queue"""
     hears: set[int]
     """identifiers that its filter lets through"""
 
@@ -56,12 +56,14 @@ class LockstepBus(can.BusABC):
         self.busy, self.left_over = 0.0, 0
         self.off = self.full = False
         self._outgoing: deque[Frame] = deque()
+        self._queues = [self._outgoing]
         self._incoming: deque[can.Message] = deque()
         self._bits = 0.0
 
     def join(self, participant: Participant) -> None:
         """Connect a device."""
         self.participants.append(participant)
+        self._queues.append(participant.outgoing)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
         """Queue a frame. Raises CanOperationError when the queue is full or the controller off."""
@@ -81,12 +83,11 @@ class LockstepBus(can.BusABC):
     def let_pass(self, seconds: float) -> None:
         """Carry what fits into so much time; a bus that idles saves nothing up."""
         if self.off:
-            self._outgoing.clear()
-            for participant in self.participants:
-                participant.outgoing.clear()
+            for queue in self._queues:
+                queue.clear()
             return
         self._bits += seconds * self.bitrate * (1.0 - self.busy)
-        queues = [self._outgoing, *(p.outgoing for p in self.participants)]
+        queues = self._queues
         while True:
             winner = None
             for queue in queues:

@@ -37,6 +37,8 @@ class Drive:
     def start(self, objects: dict[int, Entry], emergency: Callable[[int, int], None]) -> None:
         """After a reset."""
         self._objects, self._emergency = objects, emergency
+        self._controlword, self._statusword = objects[key(0x6040)], objects[key(0x6041)]
+        self._mode, self._shown_mode = objects[key(0x6060)], objects[key(0x6061)]
         self.state, self._word, self._timer_s = State.DISABLED, 0, 0.0
         self.loops.start(objects)
         self._show()
@@ -52,7 +54,7 @@ class Drive:
         """Objects were written; a rising bit 7 of the controlword resets a fault."""
         if not has_controlword:
             return
-        word = self._objects[key(0x6040)].value
+        word = self._controlword.value
         if word & 0x80 and not self._word & 0x80 and self.state == State.FAULT and not self.stuck_fault:
             self.state = State.DISABLED
             self._objects[key(0x1001)].value = self._objects[key(0x603F)].value = 0
@@ -138,6 +140,6 @@ class Drive:
         if self.power_stage or self.state in (State.READY, State.SWITCHED_ON):
             word |= 0x10  # voltage enabled
         word |= self.loops.flags(self.state == State.ENABLED and not self.ignores)
-        self._objects[key(0x6041)].value = word
-        self._objects[key(0x6061)].value = self._objects[key(0x6060)].value
+        self._statusword.value = word
+        self._shown_mode.value = self._mode.value
         self.loops.show()

@@ -34,7 +34,11 @@ class Loops:
 
     def start(self, objects: dict[int, Entry]) -> None:
         """After a reset the encoder counts from zero."""
-        self._o = objects
+        self._o, self._mode = objects, objects[key(0x6060)]
+        self._shown = [objects[key(index)] for index in (0x6064, 0x6062, 0x606C)]
+        self._shown_current = objects[key(0x6077 if self.is_epos4 else 0x6078)]
+        self._rated = objects[key(0x3001, 1) if self.is_epos4 else key(0x6410, 1)]
+        self._limit = objects[key(0x3001, 2) if self.is_epos4 else key(0x6410, 2)]
         self._set_rad = self._goal = self._rate = self._integral_a = 0.0
         self._span_s = self._late_s = self._ramp_s = 0.0
         self._acknowledged = self._limited = False
@@ -43,7 +47,7 @@ class Loops:
     @property
     def mode(self) -> int:
         """Of 6060."""
-        return self._o[key(0x6060)].value
+        return self._mode.value
 
     @property
     def turns_bench(self) -> bool:
@@ -93,7 +97,7 @@ class Loops:
         elif following and self.mode in POSITION_MODES:
             self._track(dt_s, word)
             failed = self._is_behind(dt_s)
-        limit_a = self._o[key(0x3001, 2) if self.is_epos4 else key(0x6410, 2)].value / 1e3
+        limit_a = self._limit.value / 1e3
         self.current_set_a = min(max(self.current_set_a, -limit_a), limit_a)
         if not self.turns_bench:
             self.rotor.turn(self.current_set_a, powered, dt_s)
@@ -102,7 +106,7 @@ class Loops:
     def _asked_current_a(self) -> float:
         if self.mode == CURRENT:
             return self._o[key(0x2030)].value / 1e3
-        return (self._o[key(0x6071)].value + self._o[key(0x60B2)].value) * self._o[key(0x3001, 1)].value / 1e6
+        return (self._o[key(0x6071)].value + self._o[key(0x60B2)].value) * self._rated.value / 1e6
 
     def _brake(self, dt_s: float) -> None:
         step = self._o[key(0x6085)].value * RPM * dt_s
@@ -169,14 +173,12 @@ class Loops:
 
     def show(self) -> None:
         """Bring the objects that tell of the motion up to date."""
-        objects, current_ma = self._o, self.current_set_a * 1e3
-        objects[key(0x6064)].value = _int32(math.floor(self.angle_rad * self.counts_per_rad + 0.5))
-        objects[key(0x6062)].value = _int32(round(self._set_rad * self.counts_per_rad))
-        objects[key(0x606C)].value = _int32(round(self.rate_rad_per_s / RPM))
-        if self.is_epos4:
-            objects[key(0x6077)].value = _int16(round(1e3 * current_ma / self._o[key(0x3001, 1)].value))
-        else:
-            objects[key(0x6078)].value = _int16(round(current_ma))
+        position, demand, speed = self._shown
+        position.value = _int32(math.floor(self.angle_rad * self.counts_per_rad + 0.5))
+        demand.value = _int32(round(self._set_rad * self.counts_per_rad))
+        speed.value = _int32(round(self.rate_rad_per_s / RPM))
+        current_ma = self.current_set_a * 1e3
+        self._shown_current.value = _int16(round(1e3 * current_ma / self._rated.value if self.is_epos4 else current_ma))
 
 
 def _int32(value: int) -> int:

@@ -15,7 +15,7 @@ from sim_backends.emulators.epos_objects import (
     Abort,
     key,
 )
-from sim_backends.emulators.epos_pdo import ProcessData
+from sim_backends.emulators.epos_pdo import Pdo, ProcessData
 
 BOOT_S = 0.005
 """From a reset to the boot-up frame; of a drive that starts anew with its electronics still warm [U]."""
@@ -60,9 +60,8 @@ class Node:
     def _listen(self) -> None:
         master = self._objects[key(0x1016, 1)].value >> 16 & 0x7F
         self._beat_of_master = 0x700 + master
-        self.hears = {NMT, SYNC, 0x600 + self.node, self._beat_of_master}
-        if hasattr(self, "pdo"):
-            self.hears |= {p.identifier for p in self.pdo.received}
+        self._receives = {pdo.identifier: pdo for pdo in self.pdo.received} if hasattr(self, "pdo") else {}
+        self.hears = {NMT, SYNC, 0x600 + self.node, self._beat_of_master, *self._receives}
 
     def _send(self, identifier: int, data: bytes) -> None:
         if not self.mute:
@@ -79,6 +78,9 @@ class Node:
         if identifier == SYNC:
             if self.state == OPERATIONAL:
                 self._sync()
+        elif (pdo := self._receives.get(identifier)) is not None:
+            if self.state == OPERATIONAL and len(data) >= pdo.codes.size:
+                self._receive(pdo, data)
         elif identifier == NMT:
             if len(data) == 2 and data[1] in (0, self.node):
                 self._command(data[0])
@@ -87,17 +89,13 @@ class Node:
                 self._serve(data)
         elif identifier == self._beat_of_master:
             self._since_master_s = 0.0
-        elif self.state == OPERATIONAL:
-            self._receive(identifier, data)
 
-    def _receive(self, identifier: int, data: bytes) -> None:
-        for pdo in self.pdo.received:
-            if pdo.identifier == identifier and len(data) >= pdo.codes.size:
-                if pdo.synchronous:
-                    pdo.waiting = data
-                else:
-                    pdo.put(data)
-                    self.drive.obey(pdo.has_controlword)
+    def _receive(self, pdo: Pdo, data: bytes) -> None:
+        if pdo.synchronous:
+            pdo.waiting = data
+            return
+        pdo.put(data)
+        self.drive.obey(pdo.has_controlword)
 
     def _sync(self) -> None:
         """Sample first, then take over what was received since the last SYNC."""

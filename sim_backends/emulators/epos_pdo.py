@@ -19,23 +19,20 @@ CONTROLWORD = key(0x6040)
 
 
 class Pdo:
-    """One process data object, compiled from its mapping when its COB-ID becomes valid."""
+    """One process data object, compiled from its mapping when its COB-ID becomes valid.
 
-    __slots__ = ("codes", "due", "entries", "has_controlword", "identifier", "kind", "last", "waiting")
+    synchronous: taken over or sent at a SYNC; else at once.
+    """
+
+    __slots__ = ("codes", "entries", "has_controlword", "identifier", "kind", "last", "synchronous", "waiting")
 
     def __init__(self, identifier: int, kind: int, mapped: list[tuple[int, Entry]]) -> None:
-        self.identifier, self.kind = identifier, kind
+        self.identifier, self.kind, self.synchronous = identifier, kind, kind in SYNCHRONOUS
         self.entries = [entry for _, entry in mapped]
         self.has_controlword = any(number == CONTROLWORD for number, _ in mapped)
         self.codes = struct.Struct("<" + "".join(entry.code for entry in self.entries))
         self.waiting: bytes | None = None
         self.last = b""
-        self.due = 0
-
-    @property
-    def synchronous(self) -> bool:
-        """Taken over or sent at a SYNC; else at once."""
-        return self.kind in SYNCHRONOUS
 
     def put(self, data: bytes) -> None:
         """Write what has come into the objects."""
