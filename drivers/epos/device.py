@@ -3,10 +3,15 @@
 Every `divisor` ticks there is an exchange: a set value to each drive, then one SYNC, at which all drives take over what
 they got and sample what they answer. Between two exchanges the angles age. Drives are armed, stopped and reset one step
 an exchange; going without power is told at once.
+
+A set value is the mean of the commands since the last exchange. Seen every tick the angles are stairs, and the derivative of
+a controller is all in the ticks of their steps: taking the command of one tick would take all of it, or nothing.
 """
 
 from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 from drivers.epos import options
 from drivers.epos.axis import Axis
@@ -44,6 +49,8 @@ class EposBus:
         divisor, period_s = self.options.divisor, site.period_s
         self._axes = tuple(Axis(node, divisor, period_s) for node in self.options.nodes)
         self.axes = tuple(axis.number for axis in self._axes)
+        self._numbers = np.array(self.axes)
+        self._command_v, self._sum_v, self._summed = np.zeros(len(self.axes)), np.zeros(len(self.axes)), 0
         self._beat_ticks = max(1, round(self.options.heartbeat_ms / period_s / 1e3))
         self._stop_ticks = round(self.options.quick_stop_ms / period_s / 1e3)
         self._link: Link | None = None
@@ -62,7 +69,7 @@ class EposBus:
             self._identify(service)
             for node in o.nodes:
                 service.hold(node.node, Setting(CONTROLWORD_OBJECT, 0, 2, DISABLE), read_back=False)
-                for setting in safety_settings(o, node, self._site.period_s) + process_data(node):
+                for setting in safety_settings(o, node, self._site) + process_data(node):
                     service.hold(node.node, setting)
             service.command(START)
             while service.take(0.0):
@@ -78,6 +85,8 @@ class EposBus:
         self._beat_tick = self._stop_tick = -NEVER
         self._age_ticks = NEVER
         self._reset = [False] * len(self._axes)
+        self._sum_v.fill(0.0)
+        self._summed = 0
 
     def _identify(self, service: Service) -> None:
         """Who answers, and whether it has the mode that the settings ask for."""
@@ -138,6 +147,8 @@ class EposBus:
         if self._armed and not arm:
             self._stop_tick, self._urgent = tick, True
         self._power, self._armed = demand.power, arm
+        self._sum_v += demand.command_v.take(self._numbers, out=self._command_v)
+        self._summed += 1
         late = tick - link.sync_tick - self.options.divisor
         if late < 0 and link.exchanges and not self._urgent:
             return
@@ -145,9 +156,12 @@ class EposBus:
             link.sync_late += 1
         self._urgent = False
         coast = tick - self._stop_tick > self._stop_ticks
-        command = demand.command_v.tolist()
+        self._sum_v /= self._summed
+        command = self._sum_v.tolist()
+        self._sum_v.fill(0.0)
+        self._summed = 0
         for place, axis in enumerate(self._axes):
-            axis.demand(command[axis.number], arm, coast, self._reset[place])
+            axis.demand(command[place], arm, coast, self._reset[place])
             if arm or axis.state not in NOT_TO_RESET:
                 self._reset[place] = False  # one rising edge, for one acknowledgement
         link.exchange(tick)
@@ -184,4 +198,4 @@ class EposBus:
         """Ask every drive what it is, what it complains of, and whether it holds its settings."""
         if self._service is None:
             return []
-        return [f for node in self.options.nodes for f in look_at(self._service, self.options, node, self._site.period_s)]  # fmt: skip
+        return [f for node in self.options.nodes for f in look_at(self._service, self.options, node, self._site)]  # fmt: skip

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from drivers.epos.options import EposOptions, NodeOptions
+from hal.device import Site
 
 MODE_NUMBERS = {"ppm": 1, "csp": 8, "cst": 10, "position": -1, "velocity": -2, "current": -3}
 SETPOINTS = {
@@ -48,7 +49,12 @@ class Setting:
         return self.value.to_bytes(abs(self.size), "little", signed=self.size < 0)
 
 
-def safety_settings(bus: EposOptions, node: NodeOptions, period_s: float) -> list[Setting]:
+def consumer_ms(bus: EposOptions, watchdog_s: float) -> int:
+    """Silence of the controller after which a drive stops by itself: longer than the backend's own watchdog allows."""
+    return max(LOST_HEARTBEATS * bus.heartbeat_ms, round(watchdog_s * 1e3) + 2 * bus.heartbeat_ms)
+
+
+def safety_settings(bus: EposOptions, node: NodeOptions, site: Site) -> list[Setting]:
     """In the order they are written."""
     epos4 = node.generation == "epos4"
     low, high = position_limits(node)
@@ -59,7 +65,7 @@ def safety_settings(bus: EposOptions, node: NodeOptions, period_s: float) -> lis
     settings = [
         Setting(0x1005, 0, 4, SYNC_COB),
         Setting(0x1014, 0, 4, EMERGENCY_COB + node.node),
-        Setting(0x1016, 1, 4, bus.master << 16 | LOST_HEARTBEATS * bus.heartbeat_ms),
+        Setting(0x1016, 1, 4, bus.master << 16 | consumer_ms(bus, site.watchdog_ticks * site.period_s)),
         Setting(0x1017, 0, 2, bus.heartbeat_ms),
         Setting(0x6007, 0, -2, QUICK_STOP),
         Setting(0x605A, 0, -2, RAMP_THEN_OFF),
@@ -76,7 +82,7 @@ def safety_settings(bus: EposOptions, node: NodeOptions, period_s: float) -> lis
     if epos4:
         settings.append(Setting(0x6066, 0, 2, node.following_error_ms))
     if node.mode == "csp":
-        settings += [Setting(0x60C2, 1, 1, round(bus.divisor * period_s * 1e3)), Setting(0x60C2, 2, -1, -3)]
+        settings += [Setting(0x60C2, 1, 1, round(bus.divisor * site.period_s * 1e3)), Setting(0x60C2, 2, -1, -3)]
     return settings + [Setting(int(i), int(s), int(-n if v < 0 else n), int(v)) for i, s, n, v in node.objects]
 
 

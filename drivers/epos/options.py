@@ -58,7 +58,7 @@ class EposOptions:
     bitrate: int = option(1_000_000, low=10_000, high=1_000_000, unit="bit/s", doc="of the bus")
     divisor: int = option(2, low=1, high=100, unit="ticks", doc="ticks of the loop to one exchange with the drives")
     master: int = option(127, low=1, high=127, doc="node number of this controller, for its heartbeat")
-    heartbeat_ms: int = option(20, low=5, high=500, unit="ms", doc="everybody's heartbeat; three missed ones are a loss, and a drive stops by itself")  # fmt: skip
+    heartbeat_ms: int = option(20, low=5, high=500, unit="ms", doc="everybody's heartbeat; a drive is lost after three, and stops by itself after the watchdog's time and two")  # fmt: skip
     quick_stop_ms: int = option(200, low=0, high=5000, unit="ms", doc="time of a quick stop before the voltage is taken away anyhow")  # fmt: skip
 
 

@@ -4,13 +4,13 @@ from drivers.epos.objects import FAULT_CODE, STATUSWORD_OBJECT, process_data, sa
 from drivers.epos.options import EposOptions, NodeOptions
 from drivers.epos.service import Service
 from drivers.epos.states import STATE_OF, State
-from hal.device import Finding
+from hal.device import Finding, Site
 from hal.errors import BackendError
 
 POSITION_OBJECT = 0x6064
 
 
-def look_at(service: Service, bus: EposOptions, node: NodeOptions, period_s: float) -> list[Finding]:
+def look_at(service: Service, bus: EposOptions, node: NodeOptions, site: Site) -> list[Finding]:
     """One drive; a node that does not answer is one bad finding."""
     who = f"node {node.node} (axis {node.axis})"
     try:
@@ -19,7 +19,7 @@ def look_at(service: Service, bus: EposOptions, node: NodeOptions, period_s: flo
         position = service.read(node.node, POSITION_OBJECT, 0, signed=True)
         wrong = [
             f"{setting} is {held} instead of {setting.value}"
-            for setting in _final(safety_settings(bus, node, period_s) + process_data(node))
+            for setting in _final(safety_settings(bus, node, site) + process_data(node))
             if not setting.held_by(held := service.read(node.node, setting.index, setting.sub, setting.size < 0))
         ]
     except BackendError as error:

@@ -13,10 +13,6 @@ DISOBEYED = 2
 """Feedbacks in a row in which an enabled drive does not follow: the first may still be from before."""
 OWED = 3
 """Answers that all drives owe together before the bus is said to be overloaded."""
-FOR_GOOD = (Trouble.BUS_OFF, Trouble.NODE_REBOOTED)
-"""Not to be acknowledged: the bus and its drives must be opened anew."""
-
-
 ENABLED, FAULTY = State.ENABLED, (State.FAULT, State.REACTING)  # the tick has no time to look up enums
 
 
@@ -37,22 +33,18 @@ class Watch:
         self.latched: dict[Trouble, float] = {}
 
     def clear(self) -> None:
-        """The operator has acknowledged. What is still wrong comes back."""
-        self._release()
+        """The operator has acknowledged. What is still wrong comes back: bus-off and a reboot last until the next opening."""
+        self.latched.clear()
         self._link.forgive()
         for place, axis in enumerate(self._link.axes):
             axis.jump_counts = 0
             self._link.emergency[place] = 0
 
-    def _release(self) -> None:
-        for trouble in [t for t in self.latched if t not in FOR_GOOD]:
-            del self.latched[trouble]
-
     def judge(self, tick: int, readings: Readings, power: bool) -> None:
         """Look at everything, latch and report. power: it is asked for."""
         link = self._link
-        if self.latched and not power:
-            self._release()
+        if not power:
+            self.latched.clear()
         if link.off:
             self._latch(Trouble.BUS_OFF, 0.0)
         elif link.unsent and Trouble.BUS_OVERLOAD not in self.latched:

@@ -41,7 +41,9 @@ def test_process_data_is_remapped_in_the_order_that_drives_demand(rig):
         (0x1A00, 0, 0), (0x1A00, 1, 0x60410010), (0x1A00, 2, 0x60640020), (0x1A00, 0, 2), (0x1800, 2, 1), (0x1800, 1, 0x183),
     ]  # fmt: skip
     assert written[:-12] == [
-        (base + n, 1, 1 << 31 | cob + 0x100 * n + 3) for n in range(4) for base, cob in ((0x1400, 0x200), (0x1800, 0x180))
+        (base + n, 1, 1 << 31 | cob + 0x100 * n + 3)
+        for n in range(4)
+        for base, cob in ((0x1400, 0x200), (0x1800, 0x180))
     ]
     commands = [data for identifier, data in sent if identifier == 0]
     assert commands == [b"\x80\x00", b"\x01\x00"]
@@ -54,7 +56,7 @@ def test_the_safety_settings_in_a_drives_own_units(rig):
     r = rig.make(rig.bus(rig.node(3, 0, "csp", following_error_ms=5, position_limits_rad=[-10.0, 20.0], direction=-1)))
     held = {(e.node, k >> 8, k & 0xFF): v.value for e in r.emulator.nodes.values() for k, v in e._objects.items()}
     expected = {
-        (0x1016, 1): 127 << 16 | 60, (0x1017, 0): 20, (0x6007, 0): 3, (0x605A, 0): 2, (0x605E, 0): 2, (0x6065, 0): 1273,
+        (0x1016, 1): 127 << 16 | 90, (0x1017, 0): 20, (0x6007, 0): 3, (0x605A, 0): 2, (0x605E, 0): 2, (0x6065, 0): 1273,
         (0x6066, 0): 5, (0x607D, 1): -12732, (0x607D, 2): 6366, (0x6085, 0): 38197, (0x6080, 0): 3820,
         (0x3001, 1): 800, (0x3001, 2): 1600, (0x6060, 0): 8, (0x60C2, 1): 2, (0x60C2, 2): -3,
     }  # fmt: skip
@@ -96,14 +98,14 @@ def test_the_same_of_an_epos2(rig, index):
 def test_a_drive_without_the_mode_is_not_opened(rig):
     r = rig.make(rig.bus(rig.node(3, 0, "csp")), open_it=False)
     r.node(3)._objects[0x650200].value = 0b100001
-    with pytest.raises(BackendError, match="does not have this mode.*csp at node 3"):
+    with pytest.raises(BackendError, match=r"does not have this mode.*csp at node 3"):
         r.backend.open()
 
 
 def test_a_node_that_is_not_there(rig):
     r = rig.make(rig.bus(rig.node(3, 0), rig.node(4, 1)), open_it=False)
     r.emulator.inject("mute", 4)
-    with pytest.raises(BackendError, match="does not answer.*node 4"):
+    with pytest.raises(BackendError, match=r"does not answer.*node 4"):
         r.backend.open()
 
 

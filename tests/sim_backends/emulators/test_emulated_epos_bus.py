@@ -95,12 +95,16 @@ def test_a_layout_that_does_not_fit_falls_behind(axes, divisor, fits):
     assert (answers == 60 // divisor * axes) == fits
 
 
+def overload(bus):
+    for _ in range(1000):
+        exchange(bus, 5, 6)
+        bus.let_pass(1e-3)
+
+
 def test_an_overloaded_bus_fills_the_transmit_queue_in_the_end():
     bus, _ = bus_with(5)
     with pytest.raises(can.CanOperationError, match="buffer full"):
-        for _ in range(1000):
-            exchange(bus, 5, 6)
-            bus.let_pass(1e-3)
+        overload(bus)
     assert bus.left_over >= QUEUE - 6
 
 
