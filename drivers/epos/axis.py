@@ -30,6 +30,7 @@ class Axis:
         silent: its position is too old to be used.
         state: of the drive. enabled: it was seen enabled since power was asked for.
         jump_counts: size of an impossible step of the encoder, 0 for none. disobeyed: feedbacks in a row without bit 12.
+        sum_v: commands since the last exchange, added up by whoever asks for one [V].
         message: what goes out, its data filled in by :meth:`demand`.
     """
 
@@ -69,6 +70,7 @@ class Axis:
         self.samples, self.sampled_tick, self.unanswered, self.owed = 0, 0, 0, 0
         self.silent = False
         self.state, self.enabled, self.status = State.UNKNOWN, False, 0
+        self.sum_v = 0.0
         self.angle_rad, self.jump_counts, self.disobeyed = 0.0, 0, 0
         self._counts, self._travel, self._set = 0, 0, 0.0
 

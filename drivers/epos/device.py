@@ -11,8 +11,6 @@ a controller is all in the ticks of their steps: taking the command of one tick 
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from drivers.epos import options
 from drivers.epos.axis import Axis
 from drivers.epos.link import Link
@@ -49,8 +47,6 @@ class EposBus:
         divisor, period_s = self.options.divisor, site.period_s
         self._axes = tuple(Axis(node, divisor, period_s) for node in self.options.nodes)
         self.axes = tuple(axis.number for axis in self._axes)
-        self._numbers = np.array(self.axes)
-        self._command_v, self._sum_v, self._summed = np.zeros(len(self.axes)), np.zeros(len(self.axes)), 0
         self._beat_ticks = max(1, round(self.options.heartbeat_ms / period_s / 1e3))
         self._stop_ticks = round(self.options.quick_stop_ms / period_s / 1e3)
         self._link: Link | None = None
@@ -68,12 +64,11 @@ class EposBus:
             service.command(PREOPERATIONAL)
             self._identify(service)
             for node in o.nodes:
-                service.hold(node.node, Setting(CONTROLWORD_OBJECT, 0, 2, DISABLE), read_back=False)
+                service.write(node.node, Setting(CONTROLWORD_OBJECT, 0, 2, DISABLE))
                 for setting in safety_settings(o, node, self._site) + process_data(node):
                     service.hold(node.node, setting)
             service.command(START)
-            while service.take(0.0):
-                pass
+            service.forget()
         except BaseException:
             bus.shutdown()
             raise
@@ -85,7 +80,6 @@ class EposBus:
         self._beat_tick = self._stop_tick = -NEVER
         self._age_ticks = NEVER
         self._reset = [False] * len(self._axes)
-        self._sum_v.fill(0.0)
         self._summed = 0
 
     def _identify(self, service: Service) -> None:
@@ -147,7 +141,9 @@ class EposBus:
         if self._armed and not arm:
             self._stop_tick, self._urgent = tick, True
         self._power, self._armed = demand.power, arm
-        self._sum_v += demand.command_v.take(self._numbers, out=self._command_v)
+        command_v = demand.command_v.tolist()
+        for axis in self._axes:
+            axis.sum_v += command_v[axis.number]
         self._summed += 1
         late = tick - link.sync_tick - self.options.divisor
         if late < 0 and link.exchanges and not self._urgent:
@@ -156,14 +152,12 @@ class EposBus:
             link.sync_late += 1
         self._urgent = False
         coast = tick - self._stop_tick > self._stop_ticks
-        self._sum_v /= self._summed
-        command = self._sum_v.tolist()
-        self._sum_v.fill(0.0)
-        self._summed = 0
         for place, axis in enumerate(self._axes):
-            axis.demand(command[place], arm, coast, self._reset[place])
+            axis.demand(axis.sum_v / self._summed, arm, coast, self._reset[place])
             if arm or axis.state not in NOT_TO_RESET:
                 self._reset[place] = False  # one rising edge, for one acknowledgement
+            axis.sum_v = 0.0
+        self._summed = 0
         link.exchange(tick)
 
     def close(self) -> None:

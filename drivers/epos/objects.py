@@ -29,13 +29,18 @@ LOWEST, HIGHEST = -(2**31), 2**31 - 1
 
 @dataclass(frozen=True)
 class Setting:
-    """One object with the value it must hold. size: bytes; negative for a signed number. mask: bits that are read back."""
+    """One object with the value it must hold.
+
+    size: bytes; negative for a signed number. mask: bits that are read back. fixed: only looked at, since it is so in every
+    drive that nobody has changed, and drives may refuse to have it written.
+    """
 
     index: int
     sub: int
     size: int
     value: int
     mask: int = -1
+    fixed: bool = False
 
     def __str__(self) -> str:
         return f"{self.index:04X}:{self.sub}"
@@ -63,8 +68,8 @@ def safety_settings(bus: EposOptions, node: NodeOptions, site: Site) -> list[Set
     rated, rated_sub = node.rated_current_object or (motor, 1)
     limit, limit_sub = node.current_limit_object or (motor, 2)
     settings = [
-        Setting(0x1005, 0, 4, SYNC_COB),
-        Setting(0x1014, 0, 4, EMERGENCY_COB + node.node),
+        Setting(0x1005, 0, 4, SYNC_COB, 0x7FF, fixed=True),
+        Setting(0x1014, 0, 4, EMERGENCY_COB + node.node, COB_MASK, fixed=True),
         Setting(0x1016, 1, 4, bus.master << 16 | consumer_ms(bus, site.watchdog_ticks * site.period_s)),
         Setting(0x1017, 0, 2, bus.heartbeat_ms),
         Setting(0x6007, 0, -2, QUICK_STOP),

@@ -11,7 +11,7 @@ from canopen.sdo import SdoClient
 from drivers.epos.objects import Setting
 from hal.errors import BackendError
 
-RESPONSE_S = 0.3
+RESPONSE_S, MOST_WAITING = 0.3, 1000
 START, PREOPERATIONAL = 0x01, 0x80
 
 
@@ -25,6 +25,12 @@ class Service:
         for client in self._clients.values():
             client.network = self._network
             self._network.subscribe(client.tx_cobid, client.on_response)
+
+    def forget(self) -> None:
+        """Drop what waits."""
+        for _ in range(MOST_WAITING):
+            if not self.take(0.0):
+                return
 
     def take(self, wait_s: float) -> bool:
         """Receive one frame and pass it on; False for none."""
@@ -56,8 +62,8 @@ class Service:
         except (can.CanError, OSError) as error:
             raise _dead(error) from None
 
-    def hold(self, node: int, setting: Setting, read_back: bool = True) -> None:
-        """Write an object, and see that it has taken the value."""
+    def write(self, node: int, setting: Setting) -> None:
+        """Download an object."""
         try:
             self._clients[node].download(setting.index, setting.sub, setting.pack())
         except canopen.SdoAbortedError as error:
@@ -66,10 +72,14 @@ class Service:
             raise _silent(node) from None
         except (can.CanError, OSError) as error:
             raise _dead(error) from None
-        if read_back:
-            held = self.read(node, setting.index, setting.sub, setting.size < 0)
-            if not setting.held_by(held):
-                raise BackendError(f"a drive does not hold object {setting} of node {node}", value=held, bound=f"{setting.value}", remedy="check the setting against the drive's manual, and its firmware")  # fmt: skip
+
+    def hold(self, node: int, setting: Setting) -> None:
+        """Write an object, and see that it has taken the value."""
+        if not setting.fixed:
+            self.write(node, setting)
+        held = self.read(node, setting.index, setting.sub, setting.size < 0)
+        if not setting.held_by(held):
+            raise BackendError(f"a drive does not hold object {setting} of node {node}", value=held, bound=f"{setting.value}", remedy="check the setting against the drive's manual, and its firmware")  # fmt: skip
 
 
 class WaitingClient(SdoClient):

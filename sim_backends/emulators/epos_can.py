@@ -75,10 +75,11 @@ class LockstepBus(can.BusABC):
             raise ValueError(f"no drive understands this frame: {msg}")
         self._outgoing.append((msg.arbitration_id, bytes(msg.data)))
 
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        if not self._incoming and (timeout is None or timeout > 0):
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The oldest frame for the master. Filters are not known here, so nothing is left of what python-can does in recv."""
+        if not self._incoming and timeout != 0.0:
             self.let_pass(1.0 if timeout is None else timeout)
-        return (self._incoming.popleft() if self._incoming else None), True
+        return self._incoming.popleft() if self._incoming else None
 
     def let_pass(self, seconds: float) -> None:
         """Carry what fits into so much time; a bus that idles saves nothing up."""

@@ -24,9 +24,12 @@ class State(enum.IntEnum):
 
 
 class Drive:
-    """Attributes:
-    power_stage: the motor is energised. ignores: it does not follow its set values, as with a lost enable input.
-    stuck_fault: the cause of the last fault is still there, so that no reset succeeds.
+    """A power stage with its state machine.
+
+    Attributes:
+        power_stage: the motor is energised.
+        ignores: it does not follow its set values, as with a lost enable input.
+        stuck_fault: the cause of the last fault is still there, so that no reset succeeds.
     """
 
     def __init__(self, generation: str) -> None:

@@ -18,9 +18,11 @@ STANDSTILL_RAD_S, PATIENCE_S = 1.0, 0.1
 
 
 class Loops:
-    """Attributes:
-    counts_per_rad: of the encoder. current_set_a: what the drive asks of its current loop.
-    rotor: the drive's own motor, which turns in all modes but the torque modes; there the bench's turns, if there is one.
+    """Loops of one drive.
+
+    Attributes:
+        counts_per_rad: of the encoder. current_set_a: what the drive asks of its current loop.
+        rotor: the drive's own motor, which turns in all modes but the torque modes; there the bench's turns, if there is one.
     """
 
     def __init__(self, generation: str) -> None:

@@ -104,7 +104,7 @@ class Node:
             return
         self._syncs += 1
         for pdo in self.pdo.sent:
-            if pdo.synchronous and (pdo.kind == 0 or self._syncs % pdo.kind == 0):
+            if pdo.synchronous and (pdo.kind < 2 or self._syncs % pdo.kind == 0):
                 self._send(pdo.identifier, pdo.take())
         for pdo in self.pdo.received:
             if pdo.waiting is not None:

@@ -87,6 +87,16 @@ def test_a_drive_that_does_not_hold_a_setting_is_not_opened(rig, index, fault):
     assert r.power_up() < 20
 
 
+@pytest.mark.parametrize("index", [0x1005, 0x1014])
+def test_an_identifier_that_somebody_has_changed(rig, index):
+    r = rig.make(rig.bus(rig.node(3, 0)), open_it=False)
+    sent = spy(r.emulator)
+    r.node(3)._objects[index << 8].value += 1
+    with pytest.raises(BackendError, match=f"{index:04X}"):
+        r.backend.open()
+    assert not [i for i, _, _ in downloads(sent, 3) if i == index]
+
+
 @pytest.mark.parametrize("index", SAFETY_EPOS2)
 def test_the_same_of_an_epos2(rig, index):
     r = rig.make(rig.bus(rig.node(3, 0, "current")), open_it=False)
