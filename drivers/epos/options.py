@@ -109,9 +109,14 @@ def _read_node(where: str, table: Mapping[str, Any]) -> NodeOptions:
     if limits and (len(limits) != 2 or limits[0] >= limits[1]):
         raise OptionError(f"{where}.position_limits_rad must be two numbers, the lower first", value=list(limits))
     for name in ("rated_current_object", "current_limit_object"):
-        if len(getattr(node, name)) not in (0, 2):
-            raise OptionError(f"{where}.{name} must be index and sub-index", value=list(getattr(node, name)))
-    for row in node.objects:
-        if row[2] not in (1, 2, 4) or not all(value.is_integer() for value in row):
-            raise OptionError(f"{where}.objects must be rows of whole numbers, with 1, 2 or 4 bytes", value=list(row))
+        given = getattr(node, name)
+        if given and not (len(given) == 2 and _is_object(*given)):
+            raise OptionError(f"{where}.{name} must be index and sub-index", value=list(given), bound="0 .. 65535, 0 .. 255")  # fmt: skip
+    for index, sub, size, value in node.objects:
+        if not (_is_object(index, sub) and size in (1, 2, 4) and value.is_integer() and -(2 ** (8 * size - 1)) <= value < 2 ** (8 * size)):  # fmt: skip
+            raise OptionError(f"{where}.objects: no object holds this", value=[index, sub, size, value], bound="index, sub-index, 1 | 2 | 4 bytes, and a whole number that they hold")  # fmt: skip
     return node
+
+
+def _is_object(index: float, sub: float) -> bool:
+    return index.is_integer() and sub.is_integer() and 0 <= index <= 0xFFFF and 0 <= sub <= 0xFF

@@ -117,11 +117,11 @@ class EmulatedEposBus:
 
     def _sdo_abort(self, value: float) -> None:
         for node in self.nodes.values():
-            node.refused = int(value)
+            node.sdo.refused = int(value)
 
     def _wrong_readback(self, value: float) -> None:
         for node in self.nodes.values():
-            node.distorted = int(value)
+            node.sdo.distorted = int(value)
 
     def _sync_delay(self, value: float) -> None:
         for node in self.nodes.values():

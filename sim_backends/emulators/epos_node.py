@@ -1,4 +1,4 @@
-"""An emulated CANopen node: NMT, heartbeat, SDO server, SYNC, process data, emergencies (CiA 301, 07 section 2.3)."""
+"""An emulated CANopen node: NMT, heartbeat, SYNC, process data, emergencies (CiA 301, 07 section 2.3)."""
 
 import struct
 from collections import deque
@@ -6,22 +6,14 @@ from collections import deque
 from sim_backends.emulators import epos_objects
 from sim_backends.emulators.epos_can import Frame
 from sim_backends.emulators.epos_drive import Drive
-from sim_backends.emulators.epos_objects import (
-    ABORT_LENGTH,
-    ABORT_NO_OBJECT,
-    ABORT_NO_SUBINDEX,
-    ABORT_RANGE,
-    ABORT_READ_ONLY,
-    Abort,
-    key,
-)
+from sim_backends.emulators.epos_objects import key
 from sim_backends.emulators.epos_pdo import Pdo, ProcessData
+from sim_backends.emulators.epos_sdo import SdoServer
 
 BOOT_S = 0.005
 """From a reset to the boot-up frame; of a drive that starts anew with its electronics still warm [U]."""
 BOOT, STOPPED, OPERATIONAL, PREOPERATIONAL = 0x00, 0x04, 0x05, 0x7F
-NMT, SYNC = 0x000, 0x080
-SDO_UNKNOWN = 0x05040001
+NMT, SYNC, SDO_ABORT = 0x000, 0x080, 0x80
 HEARTBEAT_LOST, HEARTBEAT_REGISTER = 0x8130, 0x11
 
 
@@ -30,7 +22,6 @@ class Node:
 
     Attributes:
         mute, heartbeat_dead: says nothing any more; sends no heartbeat any more.
-        refused, distorted: numbers (index) of objects whose SDO transfers are aborted, that read back wrong.
         deaf_to_sync: SYNCs that it will miss.
     """
 
@@ -39,8 +30,9 @@ class Node:
         self.outgoing: deque[Frame] = deque()
         self.hears: set[int] = set()
         self.mute = self.heartbeat_dead = False
-        self.refused = self.distorted = self.deaf_to_sync = 0
+        self.deaf_to_sync = 0
         self.drive = Drive(generation)
+        self.sdo = SdoServer(self._check, self._written)
         self._start()
         self.state = PREOPERATIONAL  # it was switched on long ago
 
@@ -48,6 +40,7 @@ class Node:
         self.state, self._boot_s = BOOT, 0.0
         self.outgoing.clear()
         self._objects = epos_objects.make(self.node, self.generation)
+        self.sdo.objects = self._objects
         self.drive.start(self._objects, self._emergency)
         self.pdo = ProcessData(self._objects, self._listen)
         self._since_beat_s, self._since_master_s, self._syncs = 0.0, -1.0, 0
@@ -85,8 +78,8 @@ class Node:
             if len(data) == 2 and data[1] in (0, self.node):
                 self._command(data[0])
         elif identifier == 0x600 + self.node:
-            if self.state != STOPPED and len(data) == 8:
-                self._serve(data)
+            if self.state != STOPPED and len(data) == 8 and data[0] != SDO_ABORT:
+                self._send(0x580 + self.node, self.sdo.answer(data))
         elif identifier == self._beat_of_master:
             self._since_master_s = 0.0
 
@@ -159,52 +152,16 @@ class Node:
             self._emergency(HEARTBEAT_LOST, HEARTBEAT_REGISTER)
             self.drive.lose_master(self._objects[key(0x6007)].value)
 
-    def _serve(self, request: bytes) -> None:
-        """Expedited transfers; no object here is longer than four bytes."""
-        command, index, sub = struct.unpack_from("<BHB", request)
-        if command == 0x80:
-            return
-        try:
-            if command >> 5 == 2:
-                size, data = self._read(index, sub)
-                reply = struct.pack("<BHB4s", 0x43 | (4 - size) << 2, index, sub, data)
-            elif command >> 5 == 1 and command & 0x02:
-                size = 4 - (command >> 2 & 3) if command & 0x01 else 4
-                self._write(index, sub, request[4 : 4 + size])
-                reply = struct.pack("<BHB4x", 0x60, index, sub)
-            else:
-                raise Abort(SDO_UNKNOWN)
-        except Abort as abort:
-            reply = struct.pack("<BHBI", 0x80, index, sub, abort.code)
-        self._send(0x580 + self.node, reply)
-
-    def _find(self, index: int, sub: int) -> epos_objects.Entry:
-        if index == self.refused:
-            raise Abort(ABORT_RANGE)
-        entry = self._objects.get(key(index, sub))
-        if entry is None:
-            raise Abort(ABORT_NO_SUBINDEX if key(index) in self._objects else ABORT_NO_OBJECT)
-        return entry
-
-    def _read(self, index: int, sub: int) -> tuple[int, bytes]:
-        data = bytearray(self._find(index, sub).pack())
-        if index == self.distorted:
-            data[0] ^= 1
-        return len(data), bytes(data)
-
-    def _write(self, index: int, sub: int, data: bytes) -> None:
-        entry = self._find(index, sub)
-        if not entry.writable:
-            raise Abort(ABORT_READ_ONLY)
-        if len(data) != entry.size:
-            raise Abort(ABORT_LENGTH)
-        (value,) = struct.unpack("<" + entry.code, data)
-        if 0x1400 <= index < 0x1C00:
-            self.pdo.check(index, sub, value, self.state == PREOPERATIONAL)
-        self.drive.check(index, value)
-        entry.value = value
+    def _written(self, index: int) -> None:
+        """An object was written by SDO."""
         if 0x1400 <= index < 0x1C00:
             self.pdo.compile()
         elif index == 0x1016:
             self._listen()
         self.drive.obey(index == 0x6040)
+
+    def _check(self, index: int, sub: int, value: int) -> None:
+        """Whether it may be. Raises Abort."""
+        if 0x1400 <= index < 0x1C00:
+            self.pdo.check(index, sub, value, self.state == PREOPERATIONAL)
+        self.drive.check(index, value)
