@@ -107,22 +107,24 @@ class EposBus:
         watch.judge(tick, readings, self._power)
         self._urgent = self._urgent or len(watch.latched) > known
         powered = self._power and not watch.latched
+        age_ticks, sequence, angle_rad = readings.axis_age_ticks, readings.axis_sequence, readings.axis_angle_rad
         oldest = 0
         for place, axis in enumerate(self._axes):
-            i, age = axis.number, tick - axis.sampled_tick
-            state = axis.state
+            i, state = axis.number, axis.state
             if state in FAULTY or link.emergency[place]:
                 readings.axis_fault[i] = True
             if not axis.samples:
                 oldest = NEVER
                 continue
-            oldest = max(oldest, age)
-            readings.axis_age_ticks[i] = min(age, NEVER)
-            readings.axis_sequence[i] = axis.samples
+            age = tick - axis.sampled_tick
+            if age > oldest:
+                oldest = age if age < NEVER else NEVER
+            age_ticks[i] = age if age < NEVER else NEVER
+            sequence[i] = axis.samples
             if powered and state is ENABLED:
                 readings.axis_powered[i] = True
-            if not (link.off or link.rebooted[place] or axis.jump_counts or axis.silent):
-                readings.axis_angle_rad[i] = axis.angle_rad
+            if not (axis.silent or axis.jump_counts or link.rebooted[place] or link.off):
+                angle_rad[i] = axis.angle_rad
                 readings.axis_validity[i] = VALID
         self._age_ticks = oldest
 

@@ -138,3 +138,11 @@ def test_an_axis_that_the_bench_does_not_have_turns_a_motor_of_the_drive():
     double.sense(0, bench)
     double.drive(0, bench)
     assert not double.nodes[3].drive.loops.turns_bench
+
+
+def test_a_frame_received_is_a_message_of_python_can():
+    bus, _ = bus_with(1)
+    bus.send(frame(0x80))
+    received = bus.recv(0.1)
+    assert received.equals(can.Message(arbitration_id=0x181, is_extended_id=False, data=bytes(6)), timestamp_delta=None)
+    assert str(received)
