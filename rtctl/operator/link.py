@@ -14,7 +14,7 @@ from rtctl.operator.message import ALL_BUTTONS, NO_BUTTON, Button, Frame, Messag
 
 FUTURE_S = 0.02
 """A time stamp may be ahead by this much: clocks of two machines are not equal. Less than any age limit."""
-FORGET_S = 1.0
+FORGET_S = 0.3
 """A source that was silent for this time may be followed by another one, or by itself started anew."""
 
 
