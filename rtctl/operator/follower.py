@@ -63,7 +63,7 @@ class Follower:
         self._controller, self._link, self._projection, self._tell = controller, link, projection, tell
         self._stage, self._step_mm, self._path_speed_mm_per_s = stage, step_mm, path_speed_mm_per_s
         self._streaming = False
-        self._due_s = -np.inf
+        self._due_s = self._wake_s = -np.inf
         self._path_tick: int | None = None
         self._told_dropped = False
 
@@ -71,7 +71,7 @@ class Follower:
         """Follow until `ended()`, then leave nothing moving."""
         try:
             while not ended():
-                self._link.news.wait(PERIOD_S if self._due_s < 0 else max(0.0, self._due_s - time.monotonic()))
+                self._link.news.wait(max(0.0, self._wake_s - time.monotonic()))
                 self._link.news.clear()
                 self.step(time.monotonic())
         finally:
@@ -82,12 +82,16 @@ class Follower:
         if self._link.take_stop() and self._attempt("stop", self._controller.stop):
             self._streaming, self._path_tick = False, None
         demand = self._link.demand(now_s)
-        for loss, detail in self._link.take_losses():
-            self._tell(f"{loss.value}: {detail}" if detail else loss.value)
         if demand is None:
-            self._due_s = -np.inf
             self._let_go()
-            return
+            self._due_s, self._wake_s = -np.inf, now_s + PERIOD_S
+        else:
+            self._follow(demand, now_s)
+            self._wake_s = min(self._due_s, now_s + demand.left_s)
+        for loss, detail in self._link.take_losses():  # last: whoever reads it may be slow
+            self._tell(f"{loss.value}: {detail}" if detail else loss.value)
+
+    def _follow(self, demand: Demand, now_s: float) -> None:
         if demand.pressed:
             self._press(demand.pressed)
         elif now_s >= self._due_s:

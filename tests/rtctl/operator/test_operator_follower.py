@@ -3,18 +3,18 @@
 import json
 import threading
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hal.errors import RtctlError
+from rtctl import robots
 from rtctl.client import NoReply, Reply
 from rtctl.commands import CommandRefused, Verb
 from rtctl.operator.follower import PERIOD_S, Follower
 from rtctl.operator.link import Link
 from rtctl.operator.message import Button
-from rtctl.operator.motion import STAGES, Limits, Projection
+from rtctl.operator.motion import COORDINATES, STAGES, Limits, Projection
 
 LIMIT_S = 0.08
 LIMITS = Limits(speed_mm_per_s=2.0, speed_rad_per_s=0.1)
@@ -169,7 +169,7 @@ def test_a_stop_nobody_confirms_is_told_and_harms_nothing():
     bench = Bench().follow()
     bench.controller.failure = NoReply("no reply to stop")
     bench.send(deadman=False)
-    assert "stops by itself" in bench.told[-1]
+    assert "stops by itself" in bench.told[0]
     bench.send(seconds=0.1)
     assert set(bench.controller.verbs()) == {Verb.STOP, Verb.SERVO_CV}
 
@@ -292,41 +292,83 @@ def test_the_gripper_frame_turns_with_the_gripper():
 def test_limits_keep_the_direction_and_come_after_the_stage():
     np.testing.assert_allclose(rate([30, 40, 0, 0, 0, -5]), [1.2, 1.6, -0.1])
     np.testing.assert_allclose(rate([3, 4, 0, 0, 0, 0.2], stage=0.1), [0.3, 0.4, 0.02])
-    np.testing.assert_allclose(rate([0, 1, 99, 0, 9, 0.01]), [0, 1, 0.01], err_msg="what is dropped takes no speed away")
+    np.testing.assert_allclose(
+        rate([0, 1, 99, 0, 9, 0.01]), [0, 1, 0.01], err_msg="what is dropped takes no speed away"
+    )
     np.testing.assert_array_equal(rate([0.01, 0.01, 0, 0, 0, 0.0019]), [0, 0, 0])
 
 
+@pytest.mark.parametrize("kind", robots.KINDS)
+def test_every_robot_there_is_can_be_driven(kind):
+    robot = robots.load(kind, {})
+    assert len(COORDINATES[kind]) == robot.dof
+    lengths = [component for component in COORDINATES[kind] if component < 3]
+    assert lengths == [i for i, has in enumerate(robot.translation_mask) if has]
+
+
 def test_an_unknown_robot_is_an_error_that_says_what_to_do():
-    with pytest.raises(RtctlError, match="motion.py"):
+    with pytest.raises(RtctlError, match="say in rtctl/operator"):
         Projection("delta", LIMITS)
 
 
-def test_the_loop_acts_on_a_release_before_its_next_period_and_leaves_nothing_moving():
-    link, controller = Link(0.1), Controller()
-    follower = Follower(controller, link, Projection("planar_3rpr", LIMITS), lambda _: None)
-    state = SimpleNamespace(ended=False)
-    thread = threading.Thread(target=follower.run, args=(lambda: state.ended,))
-    thread.start()
-    delays = []
-    for k in range(1, 400):
-        deadman = k % 20 != 0
+class Loop:
+    """A follower on a thread of its own, in real time."""
+
+    def __init__(self):
+        self.link, self.controller, self.ended, self.sequence = Link(LIMIT_S), Controller(), False, 0
+        follower = Follower(self.controller, self.link, Projection("planar_3rpr", LIMITS), lambda _: None)
+        self.thread = threading.Thread(target=follower.run, args=(lambda: self.ended,))
+        self.thread.start()
+
+    def send(self, deadman):
+        self.sequence += 1
         fields = {
-            "version": 1, "source": "hand", "sequence": k, "timestamp_ns": time.time_ns(), "frame": "base",
+            "version": 1, "source": "hand", "sequence": self.sequence, "timestamp_ns": time.time_ns(), "frame": "base",
             "twist": [1.0, 0, 0, 0, 0, 0], "buttons": 0, "deadman": deadman,
         }  # fmt: skip
-        controller.asked.clear()
-        link.receive(json.dumps(fields).encode(), time.monotonic(), time.time_ns())
-        if not deadman and k > 20:
-            begin = time.monotonic()
-            while not any(verb == Verb.STOP for verb, *_ in list(controller.asked)) and time.monotonic() < begin + 1:
-                time.sleep(0.0002)
-            delays.append(time.monotonic() - begin)
-        time.sleep(0.005)
-    assert np.median(delays) < PERIOD_S / 4
-    controller.asked.clear()
-    link.receive(json.dumps(fields | {"sequence": 500, "deadman": False, "timestamp_ns": time.time_ns()}).encode(), time.monotonic(), time.time_ns())  # fmt: skip
-    link.receive(json.dumps(fields | {"sequence": 501, "deadman": True, "timestamp_ns": time.time_ns()}).encode(), time.monotonic(), time.time_ns())  # fmt: skip
-    time.sleep(0.05)
-    state.ended = True
-    thread.join(2.0)
-    assert controller.verbs()[-1] == Verb.STOP
+        self.link.receive(json.dumps(fields).encode(), time.monotonic(), time.time_ns())
+
+    def follow(self):
+        self.send(False)
+        for _ in range(10):
+            self.send(True)
+            time.sleep(0.005)
+        self.controller.asked.clear()
+
+    def time_to_stop_s(self):
+        begin_s = time.monotonic()
+        while not any(verb == Verb.STOP for verb, *_ in list(self.controller.asked)):
+            assert time.monotonic() < begin_s + 2.0
+            time.sleep(0.0002)
+        return time.monotonic() - begin_s
+
+
+@pytest.fixture
+def loop():
+    made = Loop()
+    yield made
+    made.ended = True
+    made.thread.join(2.0)
+
+
+def test_the_loop_acts_on_a_release_at_once_and_on_silence_at_the_age_limit(loop):
+    released, silent = [], []
+    for _ in range(9):
+        loop.follow()
+        loop.send(False)
+        released.append(loop.time_to_stop_s())
+        loop.follow()
+        loop.send(True)
+        silent.append(loop.time_to_stop_s())
+    assert np.median(released) < PERIOD_S / 4, "it does not wait for its next period"
+    assert LIMIT_S - 0.005 < np.median(silent) < LIMIT_S + PERIOD_S / 4
+
+
+def test_the_loop_leaves_nothing_moving_and_does_not_spin(loop):
+    begin_s = time.process_time()
+    time.sleep(0.5)
+    assert time.process_time() - begin_s < 0.2
+    loop.follow()
+    loop.ended = True
+    loop.thread.join(2.0)
+    assert loop.controller.verbs()[-1] == Verb.STOP
