@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hal.frames import VALID
+from hal.troubles import Grade
 from rtctl import hlc, homing, judge, lifecycle, trajectory
 from rtctl.commands import Reason, Verb
 from rtctl.controller import Controller
@@ -24,6 +25,7 @@ ENUMS: tuple[type[enum.IntEnum], ...] = (
 )
 CONSTANTS: dict[str, int | float] = {
     "VALID": VALID,
+    **{f"TROUBLE_{g.name}": int(g) for g in Grade},
     "MAX_CHANNELS": MAX_CHANNELS,
     "OVERSPEED": trajectory.OVERSPEED,
     "RETURN_MM": hlc.RETURN_MM,

@@ -4,6 +4,7 @@ import math
 
 from hal.frames import VALID
 from hal.kernel import kernel
+from hal.troubles import Grade
 from rtctl.exchange.control import ALIVE, GATEWAY_EXPECTED, LOG_WRITING, OPERATOR_EXPECTED, OPERATOR_PRESENT
 from rtctl.lifecycle import REACTION, Condition, Motion, Operating, Task
 
@@ -32,6 +33,12 @@ def watch_inputs(parameters, state, sensors, record):
         raise_condition(state, record, Condition.WATCHDOG, math.nan, math.nan)
     if sensors.amplifier_fault:
         raise_condition(state, record, Condition.AMPLIFIER, math.nan, math.nan)
+    if sensors.trouble_grade == Grade.WARNING:
+        raise_condition(state, record, Condition.DEVICE_WARNING, float(sensors.trouble), sensors.trouble_value)
+    elif sensors.trouble_grade == Grade.PAUSE:
+        raise_condition(state, record, Condition.DEVICE_PAUSE, float(sensors.trouble), sensors.trouble_value)
+    elif sensors.trouble_grade >= Grade.FAULT:
+        raise_condition(state, record, Condition.DEVICE_FAULT, float(sensors.trouble), sensors.trouble_value)
     if state.power_ticks > parameters.power_on_ticks and sensors.powered == 0:
         raise_condition(state, record, Condition.POWER_LOST, float(state.power_ticks), float(parameters.power_on_ticks))
     if state.homed and record.kinematic_iterations < 0:

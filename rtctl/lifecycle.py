@@ -92,6 +92,9 @@ class Condition(enum.IntEnum):
     IMPEDANCE_SILENT = 24
     IMPEDANCE_UNUSABLE = 25
     IMPEDANCE_LOST = 26
+    DEVICE_WARNING = 27
+    DEVICE_PAUSE = 28
+    DEVICE_FAULT = 29
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,12 @@ TABLE: dict[Condition, Row] = {
     Condition.IMPEDANCE_SILENT: Row(Reaction.NOTE, "impedance guidance stands still: no valid sample for {value:.0f} ticks (limit {bound:.0f})", "check the implant's telemetry; the plan goes on without it"),
     Condition.IMPEDANCE_UNUSABLE: Row(Reaction.NOTE, "impedance guidance stands still: {value:.0f} pairs can be used (at least {bound:.0f}); the others are stale, open, shorted or noisy", "look for air in the cochlea and for broken leads; the plan goes on without it"),
     Condition.IMPEDANCE_LOST: Row(Reaction.PAUSE, "impedance guidance is blind ({value:.0f}, bound {bound:.0f}), and impedance.when_blind is \"pause\"", "bring the telemetry back or set impedance.guidance to false, then resume; or retract"),
+    Condition.DEVICE_WARNING: Row(Reaction.NOTE, "a device reports a trouble", "see the table of troubles"),
+    Condition.DEVICE_PAUSE: Row(Reaction.PAUSE, "a device asks for a pause", "see the table of troubles, then resume or retract"),
+    Condition.DEVICE_FAULT: Row(Reaction.FAULT, "a device cannot go on", "see the table of troubles, then acknowledge"),
 }  # fmt: skip
+DEVICE_CONDITIONS = (Condition.DEVICE_WARNING, Condition.DEVICE_PAUSE, Condition.DEVICE_FAULT)
+"""Their value is the code of a :class:`hal.troubles.Trouble`, whose own row has the text; their bound its number."""
 
 
 def mask(reaction: Reaction) -> int:
@@ -150,6 +158,7 @@ NEVER_BLOCK_RETRACTION = (
     Condition.BUCKLING,
     Condition.TIP_FOLD,
     Condition.IMPEDANCE_LOST,
+    Condition.DEVICE_PAUSE,
 )
 """The way out must stay open: these conditions neither pause nor refuse a retraction."""
 WARNINGS = (
@@ -158,6 +167,7 @@ WARNINGS = (
     Condition.DETECTOR_BLIND,
     Condition.IMPEDANCE_SILENT,
     Condition.IMPEDANCE_UNUSABLE,
+    Condition.DEVICE_WARNING,
 )
 """Notes that the operator should see at once."""
 RETRACTION_MASK = PAUSE_MASK & ~sum(1 << c for c in NEVER_BLOCK_RETRACTION)

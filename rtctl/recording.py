@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -77,14 +77,14 @@ def from_log(log: Log) -> Recording:
     Raises:
         LogError: the log has no settings or no record.
     """
-    records = log.controller
+    records, settings = log.controller, from_table(log.settings_table())
     plans = [plan["record_base64"] for plan in log.plans if "record_base64" in plan]
     return Recording(
-        settings=from_table(log.settings_table()),
+        settings=settings,
         header=log.header,
         records=records,
         truths=log.truth,
-        events=log.events or diary(records),
+        events=log.events or diary(records, settings.backend.device_names),
         plan=np.frombuffer(base64.b64decode(plans[-1]), PATH) if plans else None,
         lost_records=sum(last - first + 1 for first, last in log.missing_ticks()),
         complete=log.complete,
@@ -106,6 +106,6 @@ def logs_in(directory: Path) -> list[Path]:
     return sorted(found, key=lambda p: (len(p.stem), p.stem))
 
 
-def diary(records: np.ndarray) -> list[dict[str, Any]]:
-    """The events of controller records (n,), as the gateway would have told them."""
-    return [msgspec.to_builtins(event) for event in Watcher().watch(records)]
+def diary(records: np.ndarray, devices: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """The events of controller records (n,), as the gateway would have told them of these devices."""
+    return [msgspec.to_builtins(event) for event in Watcher(devices).watch(records)]

@@ -85,6 +85,8 @@ def run_rows(rows, replayed, memory, sensors, actuators):
         s.axes_age_ticks, s.wrench_age_ticks = row.axes_age_ticks, row.wrench_age_ticks
         s.axes_validity, s.wrench_validity = row.axes_validity, row.wrench_validity
         s.powered, s.watchdog_tripped, s.amplifier_fault = row.powered, row.watchdog_tripped, row.amplifier_fault
+        s.trouble, s.trouble_grade = row.trouble, row.trouble_grade
+        s.trouble_device, s.trouble_value = row.trouble_device, row.trouble_value
         command = memory[0].command
         command.sequence, command.verb = row.command_sequence, row.command_verb
         command.source, command.deadline_tick = row.command_source, row.command_deadline_tick

@@ -65,6 +65,14 @@ class BackendChoice:
     name: str = option("plant", doc="entry point in the group rtctl.backends")
     options: dict = option({}, doc="the backend's own settings; it checks them itself")
 
+    @property
+    def device_names(self) -> list[str]:
+        """Names of its devices in their order; none where a backend is not made of devices."""
+        entries = self.options.get("devices", ())
+        return (
+            [str(e.get("name")) for e in entries if isinstance(e, Mapping)] if isinstance(entries, list | tuple) else []
+        )
+
 
 @dataclass(frozen=True)
 class Wrench:

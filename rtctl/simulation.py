@@ -65,7 +65,7 @@ def simulate(
         LogError: the log cannot be written.
         RtctlError: the backend cannot run in lockstep.
     """
-    recorder = Recorder()
+    recorder = Recorder(settings.backend.device_names)
     lockstep = Lockstep(settings, seed, recorder.take)
     header = header_of(settings, seed, Grade.SIM, 0) | {"drawn": json.dumps(drawn_values(lockstep.backend))}
     if log is not None:
@@ -96,8 +96,8 @@ def simulate(
 class Recorder:
     """Keeps the rows of a lockstep run and what they tell, and writes them to a log if there is one."""
 
-    def __init__(self) -> None:
-        self.watcher = Watcher()
+    def __init__(self, devices: Sequence[str] = ()) -> None:
+        self.watcher = Watcher(devices)
         self.events: list[dict[str, Any]] = []
         self._writer: LogWriter | None = None
         self._blocks: list[tuple[np.ndarray, np.ndarray]] = []

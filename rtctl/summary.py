@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rtctl import robots
-from rtctl.gateway.events import say
+from rtctl.gateway.events import remedy_of, say
 from rtctl.lifecycle import TABLE, Condition, Motion, Operating
 from rtctl.recording import Recording
 
@@ -136,7 +136,7 @@ class Run:
             "reaction": TABLE[condition].reaction.name.lower(),
             "tick": int(self.records["tick"][active[0]]) if len(active) else None,
             "text": say(condition, value, bound),
-            "remedy": TABLE[condition].remedy,
+            "remedy": remedy_of(condition, value),
         }
 
     def fault(self) -> dict[str, Any] | None:

@@ -83,6 +83,8 @@ def begin(memory, sensors, record):
     record.powered = sensors.powered
     record.watchdog_tripped = sensors.watchdog_tripped
     record.amplifier_fault = sensors.amplifier_fault
+    record.trouble, record.trouble_grade = sensors.trouble, sensors.trouble_grade
+    record.trouble_device, record.trouble_value = sensors.trouble_device, sensors.trouble_value
     record.command_sequence = command.sequence
     record.command_verb = command.verb
     record.command_source = command.source

@@ -42,6 +42,12 @@ void watch_inputs(const Parameters &parameters, State &state, const Sensors &sen
     }
     if (sensors.watchdog_tripped) raise_condition(state, record, Condition::WATCHDOG, NOT_KNOWN, NOT_KNOWN);
     if (sensors.amplifier_fault) raise_condition(state, record, Condition::AMPLIFIER, NOT_KNOWN, NOT_KNOWN);
+    if (sensors.trouble_grade == TROUBLE_WARNING)
+        raise_condition(state, record, Condition::DEVICE_WARNING, double(sensors.trouble), sensors.trouble_value);
+    else if (sensors.trouble_grade == TROUBLE_PAUSE)
+        raise_condition(state, record, Condition::DEVICE_PAUSE, double(sensors.trouble), sensors.trouble_value);
+    else if (sensors.trouble_grade >= TROUBLE_FAULT)
+        raise_condition(state, record, Condition::DEVICE_FAULT, double(sensors.trouble), sensors.trouble_value);
     if (state.power_ticks > parameters.power_on_ticks && sensors.powered == 0)
         raise_condition(state, record, Condition::POWER_LOST, double(state.power_ticks),
                         double(parameters.power_on_ticks));

@@ -44,6 +44,10 @@ void begin(Memory &memory, const Sensors &sensors, Record &record) {
     record.powered = sensors.powered;
     record.watchdog_tripped = sensors.watchdog_tripped;
     record.amplifier_fault = sensors.amplifier_fault;
+    record.trouble = sensors.trouble;
+    record.trouble_grade = sensors.trouble_grade;
+    record.trouble_device = sensors.trouble_device;
+    record.trouble_value = sensors.trouble_value;
     record.command_sequence = command.sequence;
     record.command_verb = command.verb;
     record.command_source = command.source;

@@ -21,7 +21,7 @@ from rtctl.exchange.segment import Segment
 from rtctl.gateway import messages
 from rtctl.gateway.commander import Commander
 from rtctl.gateway.desk import Desk
-from rtctl.gateway.events import Event
+from rtctl.gateway.events import Event, Watcher
 from rtctl.gateway.feedback import Feedback, operating_state
 from rtctl.gateway.journal import Journal, next_path, with_bytes
 from rtctl.gateway.lease import Lease
@@ -74,6 +74,7 @@ class Gateway:
             commander=Commander(segment, settings.loop.period_s),
             lease=Lease(settings.gateway.lease_s),
             parameters=Parameters(settings, robot, directory),
+            watcher=Watcher(choice.device_names),
         )
         self._feedback = Feedback(tables[CONTROLLER])
         self._desk = Desk(self._run)

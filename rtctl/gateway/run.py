@@ -28,7 +28,7 @@ class Run:
     commander: Commander
     lease: Lease
     parameters: Parameters
-    watcher: Watcher = field(default_factory=Watcher)
+    watcher: Watcher
     latest: Any = None
     """newest controller record, replaced as a whole by the thread that drains; None before the first"""
     told: SimpleQueue[Event] = field(default_factory=SimpleQueue)

@@ -5,6 +5,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from hal import backend as backends
+from hal import troubles
 from hal.options import bound_text, describe
 from hal.signals import Signal
 from rtctl.cli import app
@@ -119,6 +120,26 @@ def conditions() -> str:
     )
 
 
+def trouble_table() -> str:
+    """What devices can report."""
+    rows = [
+        (int(t), f"`{t.name.lower()}`", r.grade.name.lower(), blanks(r.text), r.remedy)
+        for t, r in troubles.TABLE.items()
+    ]
+    return page(
+        "Troubles of devices",
+        "hal/troubles.py",
+        [
+            "What a device of the hardware backend can report, and what it asks of the controller: a *warning* raises the"
+            " condition `device_warning`, a *pause* `device_pause`, a *fault* `device_fault`; see"
+            " [Conditions](conditions.md). The code is that of the signal `trouble`, the number in the text"
+            " `trouble_value`, and `trouble_device` counts the devices of the settings from 0. That measured values must not"
+            " be used is told by their validity, beside this.",
+            table(("code", "trouble", "grade", "what is told", "what to do"), rows),
+        ],
+    )
+
+
 def key_table() -> str:
     """Zenoh keys."""
     rows = [(f"`{name}`", arguments, who, doc) for name, arguments, who, doc in keys.reference()]
@@ -182,6 +203,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "signals.md": signals,
     "commands.md": commands,
     "conditions.md": conditions,
+    "troubles.md": trouble_table,
     "keys.md": key_table,
     "summary.md": figures,
     "plan-file.md": plan_file,

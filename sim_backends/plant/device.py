@@ -148,6 +148,8 @@ def read(device, tick, sensors):
     _sample_axes(device, sensors)
     _sample_wrench(device, sensors)
     _sample_impedance(device, sensors)
+    sensors.trouble = sensors.trouble_grade = 0
+    sensors.trouble_device, sensors.trouble_value = -1, math.nan
     sensors.powered = device.powered
     sensors.watchdog_tripped = device.tripped
     sensors.amplifier_fault = device.amplifier_fault

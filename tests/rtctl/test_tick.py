@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hal.frames import INVALID
+from hal.troubles import Grade, Trouble
 from rtctl.commands import COMMAND, Reason, Verb
 from rtctl.exchange.control import ALIVE, ARMING_ALLOWED, GATEWAY_EXPECTED, LOG_WRITING, OPERATOR_EXPECTED
 from rtctl.lifecycle import TABLE, Condition, Motion, Operating, Reaction, Task
@@ -315,6 +316,29 @@ def test_what_the_device_reports_is_a_fault_that_latches(moving, field, conditio
     assert moving.ask(Verb.ACKNOWLEDGE) is Reason.ACCEPTED
     record = moving.step()
     assert (record["condition_latched"], record["fault_cause"]) == (0, -1)
+
+
+@pytest.mark.parametrize(
+    ("grade", "condition", "state"),
+    [
+        (Grade.WARNING, Condition.DEVICE_WARNING, Operating.ENABLED),
+        (Grade.PAUSE, Condition.DEVICE_PAUSE, Operating.PAUSED),
+        (Grade.FAULT, Condition.DEVICE_FAULT, Operating.FAULT),
+    ],
+)
+def test_a_trouble_of_a_device_acts_by_its_grade_in_its_tick(moving, grade, condition, state):
+    def trouble(c):
+        c.sensors["trouble"], c.sensors["trouble_grade"] = Trouble.INDEX_DRIFT, grade
+        c.sensors["trouble_device"], c.sensors["trouble_value"] = 4, 3.0
+
+    record = moving.step(spoil=trouble)
+    assert active(record) == {condition}
+    assert record["operating_state"] == state
+    assert (record["condition_value"], record["condition_bound"]) == (Trouble.INDEX_DRIFT, 3.0)
+    assert (record["trouble"], record["trouble_device"]) == (Trouble.INDEX_DRIFT, 4)
+    assert record["trouble_value"] == 3.0
+    if grade is Grade.FAULT:
+        assert_off(moving, record)
 
 
 def test_an_acknowledgement_is_refused_while_the_cause_is_there(bed):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from hal import troubles
+from hal.troubles import Trouble
 from rtctl.commands import Reason, Verb
 from rtctl.exchange.control import Grade
 from rtctl.gateway.events import Watcher
@@ -105,3 +107,32 @@ def test_the_state_shows_what_is_wrong_and_what_to_do():
     assert state["fault_cause"]["text"] == "a motor is 7.5 rad from its reference (limit 6)"
     assert state["conditions"] == [state["fault_cause"]]
     assert state["latched"] == ["following_error"]
+
+
+def test_a_trouble_is_told_with_the_name_of_its_device_and_again_when_another_follows():
+    r = rows(12)
+    for first, trouble, device, value in ((3, Trouble.ENCODER_ERROR, 1, 2.0), (7, Trouble.BUS_OFF, 0, np.nan)):
+        last = 7 if first == 3 else 12
+        r["trouble"][first:last], r["trouble_device"][first:last], r["trouble_value"][first:last] = (
+            trouble,
+            device,
+            value,
+        )
+    r["condition_active"][3:] = 1 << Condition.DEVICE_FAULT
+    r["condition_reported"][3] = Condition.DEVICE_FAULT
+    r["condition_value"][3], r["condition_bound"][3] = Trouble.ENCODER_ERROR, 2.0
+    watcher = Watcher(["card_a", "motor_2"])
+    first, second = watcher.watch(r)[2:]
+    assert (first.tick, first.severity) == (3, "error")
+    assert first.text == "motor_2: the counter of axis 2 saw a step no encoder makes"
+    assert first.remedy == troubles.TABLE[Trouble.ENCODER_ERROR].remedy
+    assert (second.tick, second.text) == (7, "card_a: the CAN controller is bus-off")
+    assert watcher.causes[Condition.DEVICE_FAULT] == (first.text, first.remedy)
+
+
+def test_every_trouble_says_what_and_what_to_do():
+    for trouble in Trouble:
+        text, remedy = troubles.say(trouble, 3.0)
+        assert "{" not in text
+        assert remedy
+    assert troubles.say(9999, 1.0)[0] == "trouble number 9999"
