@@ -14,6 +14,7 @@ import zenoh
 from hal.errors import RtctlError
 from rtctl.client import Reply
 from rtctl.commands import CommandRefused, Verb
+from rtctl.lifecycle import Condition, Motion
 from rtctl.operator.link import Demand, Link, Loss
 from rtctl.operator.message import Button
 from rtctl.operator.motion import STAGES, Projection
@@ -62,7 +63,7 @@ class Follower:
     ) -> None:
         self._controller, self._link, self._projection, self._tell = controller, link, projection, tell
         self._stage, self._step_mm, self._path_speed_mm_per_s = stage, step_mm, path_speed_mm_per_s
-        self._streaming = False
+        self._streaming, self._stream_tick = False, 0
         self._due_s = self._wake_s = -np.inf
         self._path_tick: int | None = None
         self._told_dropped = False
@@ -103,6 +104,11 @@ class Follower:
         record = self._controller.latest()
         if record is None:
             return
+        if self._streaming and record["tick"] >= self._stream_tick and record["motion"] != Motion.SERVO_CV:
+            cause = int(record["stop_cause"])
+            self._streaming = False
+            self._end(f"it ended the motion ({Condition(cause).name.lower() if cause >= 0 else 'stop'})")
+            return
         rate, dropped = self._projection.rate(demand.twist, demand.frame, record["pose_measured"], STAGES[self._stage])
         if dropped and not self._told_dropped:
             self._told_dropped = True
@@ -113,7 +119,10 @@ class Follower:
         if not self._streaming and not rate.any():
             return
         try:
-            self._controller.command(Verb.SERVO_CV, *map(float, rate), valid_for_s=min(VALID_S, demand.left_s))
+            valid_s = min(VALID_S, demand.left_s)
+            self._stream_tick = (
+                self._controller.command(Verb.SERVO_CV, *map(float, rate), valid_for_s=valid_s).tick or 0
+            )
             self._streaming = True  # only now: after a refused one, a `stop` could end an insertion that holds
         except CommandRefused as refused:
             if refused.reason != "expired":  # one that was too late had no effect; the next one is on its way

@@ -66,7 +66,7 @@ class Link:
         self._pressed = NO_BUTTON
         self._stop_level = self._stop_wanted = False
         self._losses: list[tuple[Loss, str]] = []
-        self._told: Loss | None = None
+        self._told: set[Loss] = set()
 
     def receive(self, payload: bytes, now_s: float, unix_ns: int) -> None:
         """Take the message that arrived at `now_s`, which is Unix time `unix_ns`; whatever is in it, it never raises."""
@@ -157,13 +157,13 @@ class Link:
         elif self._armed:
             self._pressed |= rising
             if not counted:
-                self._told = None
+                self._told.clear()
             if rising or not counted:
                 self.news.set()
 
     def _end(self, loss: Loss, detail: str = "") -> None:
-        if self._counts or (loss is not self._told and loss is not Loss.STALE):  # nobody misses what did not count
+        if self._counts or loss not in self._told | {Loss.STALE}:  # nobody misses what did not count
             self._losses.append((loss, detail))
-            self._told = loss
+            self._told.add(loss)
             self.news.set()
         self._armed, self._pressed = False, NO_BUTTON

@@ -11,6 +11,7 @@ from hal.errors import RtctlError
 from rtctl import robots
 from rtctl.client import NoReply, Reply
 from rtctl.commands import CommandRefused, Verb
+from rtctl.lifecycle import Condition, Motion
 from rtctl.operator.follower import PERIOD_S, Follower
 from rtctl.operator.link import Link
 from rtctl.operator.message import Button
@@ -25,7 +26,10 @@ class Controller:
 
     def __init__(self):
         self.asked, self.failure = [], None
-        self.record = {"tick": 0, "is_busy": 0, "depth_mm": 3.0, "pose_measured": np.array([160.0, 0.0, 0.0])}
+        self.record = {
+            "tick": 0, "is_busy": 0, "motion": Motion.SERVO_CV, "stop_cause": -1, "depth_mm": 3.0,
+            "pose_measured": np.array([160.0, 0.0, 0.0]),
+        }  # fmt: skip
 
     def command(self, verb, *arguments, valid_for_s=0.5):
         self.asked.append((verb, arguments, valid_for_s))
@@ -163,6 +167,24 @@ def test_a_command_that_came_too_late_is_skipped():
     bench.controller.failure = CommandRefused("expired", "too late")
     bench.send(seconds=0.2)
     assert set(bench.controller.verbs()) == {Verb.SERVO_CV}
+
+
+def test_a_motion_that_the_controller_ended_is_not_begun_anew_until_the_deadman_was_released():
+    bench = Bench().follow()
+    bench.controller.record |= {"tick": 7, "motion": Motion.HOLD, "stop_cause": Condition.STREAM_SILENT}
+    bench.send(seconds=0.3)
+    assert bench.controller.verbs() == []
+    assert bench.told == ["the controller did not follow: it ended the motion (stream_silent)"]
+    bench.send(deadman=False).send(seconds=0.01)
+    assert bench.controller.verbs() == [Verb.SERVO_CV]
+
+
+def test_a_record_older_than_the_command_says_nothing_about_it():
+    bench = Bench().send(deadman=False)
+    bench.controller.record |= {"tick": 7, "motion": Motion.HOLD}
+    bench.controller.command = lambda verb, *_, **__: bench.controller.asked.append((verb,)) or Reply(8)
+    bench.send(seconds=0.2)
+    assert len(bench.controller.asked) >= 9
 
 
 def test_a_stop_nobody_confirms_is_told_and_harms_nothing():

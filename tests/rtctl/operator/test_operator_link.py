@@ -238,8 +238,10 @@ def test_the_same_trouble_over_and_over_is_told_once():
         wire.send(raw=b"noise")
     assert wire.losses() == [Loss.MALFORMED]
     for _ in range(50):
-        wire.send(age_s=5.0)
-    assert wire.losses() == [Loss.LATE]
+        wire.send(age_s=5.0).send(raw=b"noise").send(age_s=-5.0)
+    assert wire.losses() == [Loss.LATE, Loss.CLOCK]
+    wire.follow().send(raw=b"noise")
+    assert wire.losses() == [Loss.MALFORMED]
 
 
 soup = st.binary(max_size=1200) | st.builds(
