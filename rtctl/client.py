@@ -35,6 +35,8 @@ CLOSE_S = 2.0
 DROP_AFTER_US = 50_000
 """How long a request may wait for room on its way out; nobody's loop waits here."""
 MAX_DOF = 6
+SILENCE_S = 5.0
+"""Longer than a gateway that died takes to come back."""
 RENEWALS = 4
 """Heartbeats within the life of a lease."""
 
@@ -49,6 +51,12 @@ class NoReply(RtctlError):
 
 class WaitedTooLong(RtctlError):
     """Something awaited did not happen in time."""
+
+
+class RecordsStopped(RtctlError):
+    """The controller fell silent while something was awaited."""
+
+    exit_code = 3
 
 
 @dataclass(frozen=True)
@@ -165,17 +173,26 @@ class Client:
 
         Raises:
             WaitedTooLong: there was none within `timeout_s` seconds.
+            RecordsStopped: records came and then stayed away, longer than a gateway takes to be restarted.
         """
-        until = time.monotonic() + timeout_s
+        begin = time.monotonic()
+        until, heard = begin + timeout_s, begin
         seen = None
         with self._fresh:
             while True:
                 record, seen_before = self._record, seen
                 seen = record
-                if record is not None and record is not seen_before and done(record[0]):
-                    return record[0]
-                if not self._fresh.wait(until - time.monotonic()) and time.monotonic() >= until:
+                if record is not None and record is not seen_before:
+                    heard = time.monotonic()
+                    if done(record[0]):
+                        return record[0]
+                silent = record is not None and time.monotonic() - heard > SILENCE_S
+                if silent or (
+                    not self._fresh.wait(min(until - time.monotonic(), SILENCE_S)) and time.monotonic() >= until
+                ):
                     break
+        if silent:
+            raise RecordsStopped(f"the controller fell silent while waiting for {what}", bound=f"a record every {SILENCE_S:g} s", remedy=self._who_is_there())  # fmt: skip
         if record is None:
             raise WaitedTooLong(f"no record arrived while waiting for {what}", remedy=self._who_is_there())
         raise WaitedTooLong(f"{what} did not happen in time", bound=f"{timeout_s:g} s", remedy="look at `rtctl status`")

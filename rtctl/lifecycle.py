@@ -115,7 +115,7 @@ TABLE: dict[Condition, Row] = {
     Condition.FOLLOWING_ERROR: Row(Reaction.FAULT, "a motor is {value:.3g} rad from its reference (limit {bound:.3g})", "look for a jam or a cut wire, then acknowledge"),
     Condition.NOT_FINITE: Row(Reaction.FAULT, "a computed command is not a number", "keep the log and report it: `rtctl replay` names the tick"),
     Condition.FORCE_LIMIT: Row(Reaction.PAUSE, "force {value:.3g} N exceeds {bound:.3g} N", "look at the array, then resume or retract"),
-    Condition.WRENCH_LOST: Row(Reaction.PAUSE, "no valid force for {value:.0f} ticks (limit {bound:.0f}) while an array is moved", "check the sensor, then resume or retract"),
+    Condition.WRENCH_LOST: Row(Reaction.PAUSE, "no valid force while an array is moved: its last sample is {value:.0f} ticks old (limit {bound:.0f}), or invalid or saturated now", "check the sensor, then resume or retract"),
     Condition.ADMITTANCE_SATURATED: Row(Reaction.PAUSE, "the lateral correction reached {value:.3g} mm (limit {bound:.3g}): near buckling, or a wrong registration", "retract and register again"),
     Condition.WORKSPACE: Row(Reaction.STOP, "the motion came to the edge of the workspace: of its box, of a piston's stroke, or a singular pose", "move back inside"),
     Condition.STREAM_SILENT: Row(Reaction.STOP, "no servo command for {value:.0f} ticks (limit {bound:.0f})", "send the stream again"),

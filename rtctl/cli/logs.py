@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rtctl.log.reader import Log
 
 FILE = Annotated[Path, typer.Argument(help="MCAP file of a run.")]
-FILES = Annotated[list[Path], typer.Argument(help="MCAP files of one run, in order.")]
+FILES = Annotated[list[Path], typer.Argument(help="MCAP files of one run, in order, or its folder.")]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -36,7 +36,7 @@ def info(files: FILES, json: JSON = False) -> int:
     from rtctl.log.info import describe
     from rtctl.log.reader import open_many
 
-    log = open_many(files)
+    log = open_many(_logs(files))
     facts = describe(log)
     if json:
         say(encoder.dumps(facts, indent=2, ensure_ascii=False, default=str))
@@ -58,6 +58,7 @@ def plot(
     from rtctl import report
     from rtctl.recording import open_recording
 
+    files = _logs(files)
     directory = to or files[0].parent / f"{files[0].stem}-report"
     report.render(open_recording(files), directory)
     say(f"report: {directory / 'report.html'}")
@@ -86,7 +87,7 @@ def replay(files: FILES) -> int:
     """
     from rtctl import replay as replays
 
-    result = replays.run(files)
+    result = replays.run(_logs(files))
     if result.identical:
         say(f"identical: {result.ticks} ticks, {result.commands} commands")
         return Exit.OK
@@ -98,6 +99,21 @@ def replay(files: FILES) -> int:
     if not result.same_kernels:
         remark("the code has changed since the log was written; replay it with the revision in its header")
     return Exit.DATA
+
+
+def _logs(files: list[Path]) -> list[Path]:
+    """The files themselves, those of a run for its folder. Raises LogError for a folder without any."""
+    from rtctl.log.reader import LogError
+    from rtctl.recording import logs_in
+
+    found = [log for file in files for log in (logs_in(file) if file.is_dir() else [file])]
+    if not found:
+        raise LogError(
+            "no log in this folder",
+            value=", ".join(map(str, files)),
+            remedy="give the folder of one run, or its log.mcap",
+        )
+    return found
 
 
 def _words(facts: dict[str, Any], log: "Log") -> dict[str, Any]:

@@ -1,10 +1,12 @@
 """Verbs that move the robot and wait for its end; Ctrl-C stops it first."""
 
+import math
 import time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hal.errors import OptionError
 from rtctl.cli.connection import ClientOperator, connect, stopping
 from rtctl.cli.console import say
 from rtctl.cli.exit_codes import Exit
@@ -154,4 +156,7 @@ def _depth_and_speed(
     if speed is None:
         name = "workflow.speed_mm_per_s"
         speed = float(client.parameters(name)[name])
+    for what, value in (("depth", depth), ("speed", speed)):
+        if not math.isfinite(value):  # before anything is planned or approached
+            raise OptionError(f"the {what} must be a finite number", value=value)
     return depth, speed

@@ -173,6 +173,14 @@ def test_insert_takes_depth_and_speed_from_the_settings(robot):
     assert robot.sent[0] == (Verb.INSERT, 15.0, 1.0)
 
 
+@pytest.mark.parametrize("arguments", [["nan"], ["12", "inf"], ["12", "nan"]])
+def test_an_insertion_to_nowhere_moves_nothing_before_it_is_refused(robot, arguments, capsys):
+    robot.rows = [record(1)]
+    assert main(["insert", *arguments]) == Exit.BAD_INPUT
+    assert robot.sent == [("closed",)]
+    assert "must be a finite number" in capsys.readouterr().err
+
+
 def test_parameters_are_read_and_set_as_toml(robot, capsys):
     assert main(["param", "set", "wrench.cutoff_hz=10", "admittance.lateral=false", "robot.name=mine"]) == Exit.OK
     assert robot.sent[0] == ("set", {"wrench.cutoff_hz": 10, "admittance.lateral": False, "robot.name": "mine"})

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from rtctl.client import Client, NoReply, WaitedTooLong
+from rtctl.client import Client, NoReply, RecordsStopped, WaitedTooLong
 from rtctl.commands import CommandRefused, Verb
 
 
@@ -87,6 +87,15 @@ def test_wait_returns_the_record_or_says_what_did_not_happen(world):
     assert client.latest()["tick"] >= tick
     with pytest.raises(WaitedTooLong, match="the moon did not happen"):
         client.wait(lambda _: False, 0.05, "the moon")
+
+
+def test_a_controller_that_falls_silent_ends_the_wait_at_once(world, monkeypatch):
+    monkeypatch.setattr("rtctl.client.SILENCE_S", 0.3)
+    client = world.client()
+    client.wait(lambda r: r["tick"] > 5, 2.0)
+    world.real_time.stop()
+    with pytest.raises(RecordsStopped, match="fell silent while waiting for the moon"):
+        client.wait(lambda _: False, 60.0, "the moon")
 
 
 def test_events_reach_the_client(world):
