@@ -16,6 +16,7 @@ from rtctl.cli import (
     detector,
     logs,
     motion,
+    operate,
     parameters,
     plan,
     simulation,
@@ -37,7 +38,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, watching, client, motion, plan, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, watching, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 
