@@ -34,7 +34,13 @@ def _coordinate(name: str, i: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 SIGNALS = (
-    Signal("pose_measured x", "mm", _coordinate("pose_measured", 0), 0.02, "counts are 0.15 µm; the bench's tick is another"),
+    Signal(
+        "pose_measured x",
+        "mm",
+        _coordinate("pose_measured", 0),
+        0.02,
+        "counts are 0.15 µm; the bench's tick is another",
+    ),
     Signal("pose_measured y", "mm", _coordinate("pose_measured", 1), 0.1, "the correction follows noisy forces"),
     Signal("pose_measured phi", "rad", _coordinate("pose_measured", 2), 0.002, "as x, over 88 mm"),
     Signal("stylet_measured", "mm", lambda r: r["stylet_measured_mm"], 0.02, "planned over depth"),

@@ -42,7 +42,7 @@ class Rig:
         self.emulators = [EmulatedEposBus(f"bus{i}", copy.deepcopy(t), self.station) for i, t in enumerate(tables)]
         entries = [{"kind": "epos_bus", "name": f"bus{i}", **t} for i, t in enumerate(tables)]
         self.backend = HardwareBackend({"devices": entries}, period_s=self.period_s)
-        self.backend._site.seams = self.station.switchboard
+        self.backend.use(self.station.switchboard)
         self.bench = Bench(self.backend.axes)
         self.sensors, self.actuators = (np.zeros(1, frame(self.backend.axes)) for frame in (sensor_frame, actuator_frame))  # fmt: skip
         self.rate = np.zeros(self.backend.axes)
