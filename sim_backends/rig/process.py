@@ -29,8 +29,6 @@ from sim_backends.rig.backend import RigOptions
 from sim_backends.rig.rig import Rig, add_emulator
 from sim_backends.rig.seams import card_name
 
-CATCH_UP_TICKS = 100
-"""A bench that was stalled longer jumps on: its time is lost, as in a power cut of the wall clock."""
 PLANT = "plant"
 
 
@@ -164,16 +162,19 @@ def _pace(step: Callable[[int], None], period_s: float, priority: int) -> None:
         OSError
     ):  # without the right the bench jitters, as the loop will too, which tells the user
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    cores = os.sched_getaffinity(0)
+    if len(cores) > 1:
+        os.sched_setaffinity(0, cores - {max(cores)})  # the last one is the loop's
     print("ready", flush=True)
-    origin = time.monotonic()
+    due = time.monotonic()
     tick = 0
     while not ended:
-        due = int((time.monotonic() - origin) / period_s)
-        if due <= tick:
-            time.sleep(max(origin + (tick + 1) * period_s - time.monotonic(), 0.0))
-            continue
-        if due - tick > CATCH_UP_TICKS:
-            origin += (due - tick - CATCH_UP_TICKS) * period_s
+        due += period_s
+        late = time.monotonic() - due
+        if late > 0.0:
+            due += late  # time lost is lost: caught up, shafts would seem to turn faster than any motor can
+        else:
+            time.sleep(-late)
         tick += 1
         step(tick)
 
