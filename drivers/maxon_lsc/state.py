@@ -39,6 +39,9 @@ AXIS = np.dtype(
         ("angle_rad", "f8"),
         ("speed_rad_per_s", "f8"),
         ("jumped_by", "i8"),  # counts of the last step if they were too many
+        ("doubted", "i8"),  # the last count is too far, and the next read will tell why
+        ("doubt_count", "i8"),  # the count before it
+        ("doubt_tick", "i8"),
         ("illegal", "i8"),  # the last count came with an error
         ("index_seen", "i8"),  # -1: no sample yet
         ("index_first", "i8"),

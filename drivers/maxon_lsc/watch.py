@@ -62,7 +62,7 @@ def follow(
                 bits |= JUMPED
             if axis.illegal:
                 bits |= ILLEGAL
-            if bits & (JUMPED | ILLEGAL) == 0:
+            if bits & (JUMPED | ILLEGAL) == 0 and axis.doubted == 0:
                 axis_validity[axis.axis], axis_angle_rad[axis.axis] = VALID, axis.angle_rad
                 axis_sequence[axis.axis], axis_age_ticks[axis.axis] = card_sequence, tick - axis.sampled
         else:
@@ -72,14 +72,26 @@ def follow(
 
 @kernel
 def take_count(axis, tick, count):
-    """A new accumulated count; returns the ticks since the last one."""
+    """A new accumulated count; returns the ticks since the last one.
+
+    A machine that stalls between waking up and reading sees later counts than its tick number says, and misses the next
+    ticks. So a step that is too large is not judged before the next read: it is a jump unless ticks were missed now and the
+    motor could have made both steps in all of the time.
+    """
     if axis.sampled < 0:
         axis.zero = axis.count = count
         axis.sampled = tick - 1
     ticks = max(tick - axis.sampled, 1)
     step = count - axis.count
+    axis.jumped_by = 0
+    if axis.doubted:
+        both, time = count - axis.doubt_count, tick - axis.doubt_tick
+        stalled = ticks > 1 and abs(both) <= axis.most_counts * time + DITHER
+        axis.jumped_by = 0 if stalled else both
+        axis.doubted = 0
+    elif abs(step) > axis.most_counts * ticks + DITHER:
+        axis.doubted, axis.doubt_count, axis.doubt_tick = 1, axis.count, axis.sampled
     axis.count, axis.sampled = count, tick
-    axis.jumped_by = step if abs(step) > axis.most_counts * ticks + DITHER else 0
     axis.angle_rad = axis.rad_per_count * (count - axis.zero)
     axis.speed_rad_per_s = axis.rad_per_count * step / (ticks * axis.period_s)
     return ticks
@@ -114,7 +126,7 @@ def motion_trouble(axis, ticks, powered, command_v):
     found = 0
     if stands_still(axis, push, ticks):
         found |= STALLED
-    if ticks > 1 or axis.jumped_by != 0:
+    if ticks > 1 or axis.jumped_by != 0 or axis.doubted != 0:
         axis.filled = 0
     elif runs_away(axis, axis.direction * axis.count, push):
         found |= WRONG_WAY

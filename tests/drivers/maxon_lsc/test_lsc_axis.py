@@ -261,10 +261,12 @@ def test_missed_ticks_do_not_make_a_motor_that_comes_back_a_runaway(rig):
 
 
 @pytest.mark.parametrize("jump", [400, -400, 2**23])
-def test_a_jump_is_invalid_once_and_counted_from_there(rig, jump):
+def test_a_jump_is_invalid_and_counted_from_there(rig, jump):
     rig.steps(50, 3.0, True)
     before = rig.step(0.0, False).axis_angle_rad[0]
     rig.amplifier._count += jump
+    r = rig.step()
+    assert (r.trouble, r.axis_validity[0]) == (0, INVALID), "not believed, and not judged before the next read"
     r = rig.step()
     assert r.trouble == Trouble.ENCODER_JUMP
     assert r.trouble_value == pytest.approx(jump, abs=120)
@@ -273,6 +275,20 @@ def test_a_jump_is_invalid_once_and_counted_from_there(rig, jump):
     r = rig.step()
     assert (r.trouble, r.axis_validity[0]) == (0, VALID)
     assert r.axis_angle_rad[0] == pytest.approx(before + jump / COUNTS_PER_RAD, abs=0.1)
+
+
+def test_a_read_that_came_late_is_no_jump_but_only_if_the_next_ticks_were_missed(rig):
+    """The machine stalls after the tick has begun: the counts of later, and then a tick number that has jumped."""
+    bound = rig.axis.group.state[0]["most_counts"]
+    rig.steps(50, 3.0, True)
+    rig.amplifier._count += int(4 * bound)  # what the motor may do in the five ticks until the next read
+    r = rig.step(3.0, True)
+    assert (r.trouble, r.axis_validity[0]) == (0, INVALID)
+    r = rig.step(3.0, True, skip=4)
+    assert (r.trouble, r.axis_validity[0]) == (0, VALID)
+    rig.amplifier._count += int(4 * bound)
+    rig.step(3.0, True)
+    assert rig.step(3.0, True, skip=1).trouble == Trouble.ENCODER_JUMP, "too far for three ticks"
 
 
 def test_missed_ticks_are_no_jump(rig):
