@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from bench import (
+    epos_cost,
     exchange_cost,
     guidance_cost,
     hardware_cost,
@@ -30,7 +31,7 @@ from bench.recorded import record_insertion
 from hal.errors import RtctlError
 from rtctl.settings import load
 
-SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance", "planning", "impedance", "hardware")
+SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance", "planning", "impedance", "hardware", "epos")
 STUDIES = ("rod", "robustness", "phenomena", "mujoco")
 """Of the array by itself; they take minutes, and only when asked for."""
 PARTS = SPEED + STUDIES
@@ -109,6 +110,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
         "guidance": lambda: guidance_cost.measure(settings, SEED),
         "impedance": lambda: impedance_cost.measure(settings, pieces),
         "hardware": hardware_cost.measure,
+        "epos": epos_cost.measure,
         "rod": rod_study.measure_mesh,
         "robustness": rod_study.measure_robustness,
         "phenomena": rod_study.measure_phenomena,

@@ -21,11 +21,8 @@ LIMIT_V = 10.0
 
 @dataclass(frozen=True)
 class HardwareOptions:
-    """Settings of the backend "hardware"."""
+    """Settings of the backend "hardware", beside its list of tables `devices`: see :mod:`hal.device`."""
 
-    devices: tuple[Any, ...] = option(
-        shape=(-1,), doc="a table a device, [[backend.options.devices]], in the order they are opened"
-    )
     seams: str = option("target", doc='how devices are reached: "target" is this machine, "rig" the emulated bench')
     rig: dict = option({}, doc="of the emulated bench, if the devices are: see [backend.options.rig]")
     watchdog_ticks: int = option(50, low=1, high=1000, doc="ticks without a command after which power is removed")
@@ -51,11 +48,13 @@ class HardwareBackend:
     options_type = HardwareOptions
 
     def __init__(self, table: Mapping[str, Any], *, period_s: float, seed: int = 0) -> None:  # noqa: ARG002
-        self.options = _read_options(table)
+        self.options = options.read(
+            HardwareOptions, {k: v for k, v in table.items() if k != "devices"}, "backend.options"
+        )
         self.watchdog_ticks = self.options.watchdog_ticks
         self._site = Site(period_s, self.watchdog_ticks, seam.load(self.options.seams))
         self.devices = self._site.devices
-        for i, entry in enumerate(self.options.devices):
+        for i, entry in enumerate(_entries(table)):
             self._add(i, dict(entry))
         self.axes = _count_axes(self.devices)
         _check_measures(self.devices)
@@ -183,14 +182,12 @@ class HardwareBackend:
         s["trouble_grade"], s["trouble_value"] = r.trouble_grade, r.trouble_value
 
 
-def _read_options(table: Mapping[str, Any]) -> HardwareOptions:
-    """The devices' own tables are theirs to check; here they only have to be tables."""
+def _entries(table: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The devices' own tables, which are theirs to check; here they only have to be tables."""
     entries = table.get("devices", ())
     if not isinstance(entries, list | tuple) or not entries or not all(isinstance(e, Mapping) for e in entries):
         raise OptionError("backend.options.devices must be a list of tables", value=entries or None, remedy="write [[backend.options.devices]] once for every device")  # fmt: skip
-    rest = {k: v for k, v in table.items() if k != "devices"}
-    read = options.read(HardwareOptions, {**rest, "devices": []}, "backend.options")
-    return HardwareOptions(tuple(entries), read.seams, read.rig, read.watchdog_ticks)
+    return list(entries)
 
 
 def _count_axes(devices: Mapping[str, Device]) -> int:

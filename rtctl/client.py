@@ -99,7 +99,7 @@ class Client:
         self._closing = threading.Event()
         self._fresh = threading.Condition()
         self._record: np.ndarray | None = None
-        self._session = _connect(endpoint, user, password)
+        self._session = open_session(endpoint, user, password)
         self._subscribers = [self._session.declare_subscriber(self._key("record"), self._on_record)]
         self._renewer = threading.Thread(target=self._renew, name="lease", daemon=True)
         self._renewer.start()
@@ -300,7 +300,12 @@ class Client:
         return f"rtctl/{self.robot}/{name}"
 
 
-def _connect(endpoint: str, user: str, password: str) -> zenoh.Session:
+def open_session(endpoint: str, user: str = "", password: str = "") -> zenoh.Session:
+    """A session with the gateway at `endpoint` and nobody else.
+
+    Raises:
+        NoReply: nobody listens there.
+    """
     config = configure("client", user, password)
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("transport/link/tx/queue/congestion_control/drop/wait_before_drop", str(DROP_AFTER_US))

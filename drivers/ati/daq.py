@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from hal import options
 from hal.card import AnalogCard
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
 from hal.errors import OptionError
+from hal.files import find
 from hal.frames import INVALID, VALID
 from hal.options import option
 from hal.troubles import Trouble
@@ -68,11 +68,14 @@ class AtiDaq:
     def __init__(self, name: str, table: Mapping[str, Any], site: Site) -> None:
         where = f"device {name}"
         self.options = o = options.read(DaqOptions, table, where)
-        self.calibration = c = calibration.load(Path(o.calibration), o.part)
+        self.calibration = c = calibration.load(find(o.calibration), o.part)
         if c.thermistor_v is not None and o.t_out_input is None:
             raise OptionError(f"{where}: its calibration compensates temperature by a seventh channel", remedy="wire T-out and set t_out_input")  # fmt: skip
         if any(i != int(i) for i in o.inputs):
             raise OptionError(f"{where}.inputs must be whole numbers", value=o.inputs)
+        channels = [*o.inputs, *([] if o.t_out_input is None else [o.t_out_input])]
+        if len(set(channels)) < len(channels):
+            raise OptionError(f"{where}: an input is named twice", value=channels, remedy="give every gauge and T-out an input of its own")  # fmt: skip
         self.name = name
         self._card = site.find(o.card, AnalogCard, name)  # type: ignore[type-abstract]
         self._inputs = np.array(o.inputs, np.intp)

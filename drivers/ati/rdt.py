@@ -75,7 +75,7 @@ class Stream:
             return False
         if self._doubted and difference(rdt, self._other_rdt) == 1 and 0 <= difference(ft, self._other_ft) <= most:
             reboot = self._started and not 0 <= advance <= most
-            self._accept(rdt, ft, tick, advance if not reboot else 1, rebooted=reboot)
+            self._accept(rdt, ft, tick, advance, rebooted=reboot)
             return True
         self._doubted, self._other_rdt, self._other_ft = True, rdt, ft
         return False

@@ -18,7 +18,9 @@ class Bounds:
     def apply(self, command_v: float, hot: bool) -> float:
         """The part of `command_v` that is allowed; in mode voltage see :meth:`apply_at`."""
         most_v = self._hot_v if hot else self._peak_v
-        return min(max(command_v, -most_v), most_v)
+        if command_v > most_v:
+            return most_v
+        return command_v if command_v >= -most_v else -most_v
 
     def apply_at(self, command_v: float, hot: bool, speed_rad_per_s: float) -> float:
         """In mode voltage, where the current depends on the speed; 0 V, the short that brakes, is always allowed."""

@@ -7,8 +7,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from drivers.maxon_lsc import watch
 from drivers.maxon_lsc.bounds import Bounds
+from drivers.maxon_lsc.group import AxesOfCard
 from drivers.maxon_lsc.options import GAINS, LscOptions
 from drivers.maxon_lsc.state import axis_state
 from drivers.tally import Tally
@@ -43,7 +46,6 @@ class LscAxis:
         self.options = o = options.read(LscOptions, table, where)
         o.check(where)
         self.name, self.axes, self._axis = name, (o.axis,), o.axis
-        self._period_s = site.period_s
         self._card = card = site.find(o.card, AnalogCard, name)  # type: ignore[type-abstract]
         if o.enable_line == o.ready_line:
             raise OptionError(f"{where}: Enable and Ready cannot share a line", value=o.enable_line)
@@ -52,71 +54,56 @@ class LscAxis:
         card.use_line(o.enable_line, name, output=True)
         card.use_line(o.ready_line, name, output=False)
         self._bounds = Bounds(o)
-        self._restart()
-
-    def _restart(self) -> None:
-        self._state, self._tally = axis_state(self.options, self._period_s, f"device {self.name}"), Tally()
-        self._found, self._held, self._enabled, self._ready = 0, False, False, False
-        self._command_v = 0.0
+        neighbours: list[Any] = [d for d in site.devices.values() if isinstance(d, LscAxis)]
+        self.group: AxesOfCard = next((d.group for d in neighbours if d.group.card is card), None) or AxesOfCard(card)
+        self._place = self.group.add(axis_state(o, site.period_s, where))
+        self._tally = Tally()
 
     def open(self) -> None:
         """Angles count from the first sample after this; everything is compiled when it returns."""
-        self._restart()
-        self._follow(0)
-        self._restart()
+        self.group.exercise()
+        self.group.restart(self._place)
+        self._tally = Tally()
 
     def begin(self, tick: int) -> None:
         """Nothing takes time: the card samples."""
 
-    def _follow(self, tick: int) -> tuple[int, float, int, int, int]:
-        card, o = self._card, self.options
-        return watch.follow(
-            self._state, tick, self._enabled, self._command_v, o.counter, card.line, card.count_sequence, card.count_validity,
-            card.count, card.count_error, card.index_sequence, card.index_count, o.ready_line,
-        )  # fmt: skip
-
     def read(self, tick: int, readings: Readings) -> None:
         """Angle, power and fault of the axis."""
-        axis = self._axis
-        validity, angle_rad, age, ready, found = self._follow(tick)
-        self._found, self._ready = found, ready != 0
-        if found & watch.NOT_READY:
-            readings.axis_fault[axis] = True
-            self._held = self._held or self._enabled
-        if self._enabled and not self._held:
-            readings.axis_powered[axis] = True
-        if validity == VALID:
-            readings.axis_validity[axis] = VALID
-            readings.axis_angle_rad[axis] = angle_rad
-            readings.axis_sequence[axis] = self._card.count_sequence
-            readings.axis_age_ticks[axis] = age
+        self.group.read(tick, readings)
+        found = self.group.found.item(self._place)
         if found:
             self._report(tick, readings, found)
 
     def _report(self, tick: int, readings: Readings, found: int) -> None:
         for bit, trouble in TROUBLES.items():
             if found & bit:
-                value = float(self._state[0][COUNTS_TOLD[bit]]) if bit in COUNTS_TOLD else self._axis
+                value = float(self._state[COUNTS_TOLD[bit]]) if bit in COUNTS_TOLD else self._axis
                 self._tally.report(tick, readings, trouble, value)
+
+    @property
+    def _state(self) -> np.void:
+        return self.group.state[self._place]
 
     def write(self, tick: int, demand: Demand) -> None:  # noqa: ARG002
         """Stage set value and Enable on the card."""
+        group, place = self.group, self._place
         if not demand.power:
-            self._held = False
+            group.held[place] = False
             self._put(0.0, False)
-        elif self._held or not self._ready:
+        elif group.held.item(place) or not group.ready.item(place):
             self._put(0.0, False)
-        elif self._bounds.needs_speed:
-            speed = float(self._state[0]["speed_rad_per_s"])
-            self._put(
-                self._bounds.apply_at(demand.command_v.item(self._axis), self._found & watch.HOT != 0, speed), True
-            )
         else:
-            self._put(self._bounds.apply(demand.command_v.item(self._axis), self._found & watch.HOT != 0), True)
+            command_v, hot = demand.command_v.item(self._axis), group.found.item(place) & watch.HOT != 0
+            if self._bounds.needs_speed:
+                self._put(self._bounds.apply_at(command_v, hot, float(self._state["speed_rad_per_s"])), True)
+            else:
+                self._put(self._bounds.apply(command_v, hot), True)
 
     def _put(self, command_v: float, enabled: bool) -> None:
-        o = self.options
-        self._command_v, self._enabled = command_v, enabled
+        group, place, o = self.group, self._place, self.options
+        group.command_v[place] = command_v
+        group.enabled[place] = enabled
         self._card.put_voltage(o.output, o.command_direction * command_v)
         self._card.put_line(o.enable_line, enabled)
 
@@ -129,7 +116,7 @@ class LscAxis:
         o = self.options
         gain = f"{GAINS[o.mode]} = {getattr(o, GAINS[o.mode]):g}"
         identity = f"axis {o.axis}: counter {o.counter}, output {o.output} of {o.card}; mode {o.mode}, {gain}"
-        state = self._state[0]
+        state = self._state
         age = int(state["tick"] - state["sampled"]) if state["sampled"] >= 0 else NEVER
         return Health(identity, age_ticks=age, errors=dict(self._tally.errors))
 
@@ -137,7 +124,7 @@ class LscAxis:
         """The Ready line and the counter; polarities show only in motion, see docs/how-to/wire-lsc-amplifiers.md."""
         o, card = self.options, self._card
         ready, counts = not card.line.item(o.ready_line), card.count_validity.item(o.counter) == VALID
-        angle = math.degrees(self._state[0]["angle_rad"])
+        angle = math.degrees(self._state["angle_rad"])
         return [
             Finding(f"Ready of axis {o.axis} on line {o.ready_line}", "low: ready" if ready else "high: fault, or open wire", ready, "check the amplifier's supply, the wire and its pull-up"),
             Finding(f"encoder of axis {o.axis} on counter {o.counter}", f"{angle:.2f} degrees since opened" if counts else "not read", counts, "check the card; then turn the shaft by hand and probe again"),

@@ -12,6 +12,9 @@ RING = 256
 
 AXIS = np.dtype(
     [
+        ("axis", "i8"),
+        ("counter", "i8"),
+        ("ready_line", "i8"),
         ("rad_per_count", "f8"),  # with the encoder's direction
         ("period_s", "f8"),
         ("most_counts", "f8"),  # in a tick
@@ -50,7 +53,7 @@ AXIS = np.dtype(
         ("high_reads", "i8"),
         ("low_reads", "i8"),
         ("fault", "i8"),
-        ("ready", "i8"),
+        ("was_ready", "i8"),  # since opened
         ("ring", "i8", (RING,)),
     ],
     align=True,
@@ -61,6 +64,7 @@ def axis_state(o: LscOptions, period_s: float, where: str) -> np.ndarray:
     """A fresh state (1,) of AXIS. Raises OptionError for a window that does not fit."""
     state = np.zeros(1, AXIS)
     s = state[0]
+    s["axis"], s["counter"], s["ready_line"] = o.axis, o.counter, o.ready_line
     s["rad_per_count"] = o.encoder_direction / o.counts_in_rad
     s["period_s"], s["direction"], s["breakaway_v"] = period_s, o.encoder_direction, o.breakaway_v
     s["most_counts"] = o.max_speed_rad_per_s * o.counts_in_rad * period_s

@@ -1,10 +1,11 @@
 """What can be known of a motor from its counts and its command: angle, heat, and everything that is wrong (07 section 7).
 
-The kernels share one record of :data:`drivers.maxon_lsc.state.AXIS`; :func:`follow` is called once a tick.
+The kernels share one record of :data:`drivers.maxon_lsc.state.AXIS`; :func:`follow` is called once a tick
+and card.
 """
 
 from drivers.maxon_lsc.state import CURRENT, VOLTAGE
-from hal.frames import INVALID, VALID
+from hal.frames import VALID
 from hal.kernel import kernel
 
 JUMPED, ILLEGAL, STALLED, INDEX_DRIFTS, INDEX_LOST, WRONG_WAY, NOT_READY, HOT = (1 << n for n in range(8))
@@ -23,58 +24,65 @@ FOLLOWS = 0.5
 
 
 @kernel
-def follow(state, tick, powered, command_v, channel, line, card_sequence, validity, count, error, index_sequence, index_count, ready_line):  # fmt: skip
-    """Take in one tick of a card.
+def follow(
+    state, tick, command_v, enabled, held, ready, found,
+    line, card_sequence, count_validity, count, count_error, index_sequence, index_count,
+    axis_validity, axis_angle_rad, axis_sequence, axis_age_ticks, axis_powered, axis_fault,
+):  # fmt: skip
+    """Take in one tick of a card for all axes that are wired to it.
 
     Args:
-        state (1,): of AXIS. tick: number of this read.
-        powered, command_v: what the amplifier has had since the last read, in the direction of the angle.
-        channel: of the counter; validity, count, error, index_sequence, index_count, card_sequence: of the card.
-        line, ready_line: the card's lines, and which of them is Ready.
-
-    Returns:
-        (validity, angle [rad], age [ticks], ready, found): found is a set of the bits of this module.
+        state (n,): of AXIS. tick: number of this read.
+        command_v, enabled (n,): what the amplifiers have had since the last read, in the direction of the angle.
+        held (n,): results; an amplifier that failed is held down until somebody else clears this.
+        ready (n,): results; the amplifier is healthy. found (n,): results; sets of the bits of this module.
+        line .. index_count: of :class:`hal.card.AnalogCard`. axis_...: of :class:`hal.device.Readings`, cleared.
     """
-    axis = state[0]
-    ticks = max(tick - axis.tick, 1) if axis.tick >= 0 else 1
-    axis.tick = tick
-    found = 0
-    pass_ticks(axis, ticks, powered, command_v)
-    if axis.hot:
-        found |= HOT
-    if is_not_ready(axis, line[ready_line]):
-        found |= NOT_READY
-    if validity[channel] != VALID:
-        axis.filled = 0
-        return INVALID, 0.0, 0, axis.ready, found | index_trouble(axis)
-    if card_sequence != axis.sequence:
-        if axis.sampled < 0:
-            axis.zero = axis.count = count[channel]
-            axis.sampled = tick - 1
-        since = max(tick - axis.sampled, 1)
-        axis.sequence, axis.sampled = card_sequence, tick
-        take_count(axis, count[channel], since)
-        axis.illegal = error[channel]
-        if axis.turn_counts > 0:
-            take_index(axis, index_sequence[channel], index_count[channel])
-        found |= motion_trouble(axis, since, powered, command_v)
-    if axis.jumped_by != 0:
-        found |= JUMPED
-    if axis.illegal:
-        found |= ILLEGAL
-    trusted = axis.jumped_by == 0 and not axis.illegal
-    validity_of_angle = VALID if trusted else INVALID
-    return validity_of_angle, axis.angle_rad, tick - axis.sampled, axis.ready, found | index_trouble(axis)
+    for k in range(len(state)):
+        axis = state[k]
+        ticks = max(tick - axis.tick, 1) if axis.tick >= 0 else 1
+        axis.tick = tick
+        pass_ticks(axis, ticks, enabled[k], command_v[k])
+        bits = HOT if axis.hot else 0
+        ready[k] = is_ready(axis, line[axis.ready_line])
+        if axis.fault:
+            bits |= NOT_READY
+            held[k] = held[k] or enabled[k]
+            axis_fault[axis.axis] = True
+        axis_powered[axis.axis] = enabled[k] and not held[k]
+        if count_validity[axis.counter] == VALID:
+            if card_sequence != axis.sequence:
+                axis.sequence = card_sequence
+                since = take_count(axis, tick, count[axis.counter])
+                axis.illegal = count_error[axis.counter]
+                if axis.turn_counts > 0:
+                    take_index(axis, index_sequence[axis.counter], index_count[axis.counter])
+                bits |= motion_trouble(axis, since, enabled[k], command_v[k])
+            if axis.jumped_by != 0:
+                bits |= JUMPED
+            if axis.illegal:
+                bits |= ILLEGAL
+            if bits & (JUMPED | ILLEGAL) == 0:
+                axis_validity[axis.axis], axis_angle_rad[axis.axis] = VALID, axis.angle_rad
+                axis_sequence[axis.axis], axis_age_ticks[axis.axis] = card_sequence, tick - axis.sampled
+        else:
+            axis.filled = 0
+        found[k] = bits | index_trouble(axis)
 
 
 @kernel
-def take_count(axis, count, ticks):
-    """A new accumulated count, `ticks` after the last one."""
+def take_count(axis, tick, count):
+    """A new accumulated count; returns the ticks since the last one."""
+    if axis.sampled < 0:
+        axis.zero = axis.count = count
+        axis.sampled = tick - 1
+    ticks = max(tick - axis.sampled, 1)
     step = count - axis.count
-    axis.count = count
+    axis.count, axis.sampled = count, tick
     axis.jumped_by = step if abs(step) > axis.most_counts * ticks + DITHER else 0
     axis.angle_rad = axis.rad_per_count * (count - axis.zero)
     axis.speed_rad_per_s = axis.rad_per_count * step / (ticks * axis.period_s)
+    return ticks
 
 
 @kernel
@@ -147,17 +155,18 @@ def runs_away(axis, count, push):
 
 
 @kernel
-def is_not_ready(axis, level):
-    """True while Ready is open: a healthy amplifier pulls it low, so a cut wire is a fault too."""
+def is_ready(axis, level):
+    """True for a Ready that was pulled low, which only a healthy amplifier does: a cut wire is a fault too."""
     if level:
         axis.high_reads, axis.low_reads = axis.high_reads + 1, 0
     else:
         axis.high_reads, axis.low_reads = 0, axis.low_reads + 1
     if axis.high_reads >= DEBOUNCE:
-        axis.fault, axis.ready = 1, 0
+        axis.fault = 1
     elif axis.low_reads >= DEBOUNCE:
-        axis.fault, axis.ready = 0, 1
-    return axis.fault != 0
+        axis.fault = 0
+        axis.was_ready = 1
+    return axis.fault == 0 and axis.was_ready != 0
 
 
 @kernel

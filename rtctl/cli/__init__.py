@@ -9,6 +9,7 @@ from typing import Any
 import typer
 
 from rtctl.cli import (
+    bench,
     calibrate,
     client,
     configuration,
@@ -16,6 +17,7 @@ from rtctl.cli import (
     detector,
     logs,
     motion,
+    operate,
     parameters,
     plan,
     simulation,
@@ -37,7 +39,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, watching, client, motion, plan, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, bench, watching, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 

@@ -24,7 +24,13 @@ def connect(robot: str, endpoint: str) -> "Client":
     """
     from rtctl.client import Client
 
-    return Client(robot, endpoint, user=os.environ.get("RTCTL_USER", ""), password=os.environ.get("RTCTL_PASSWORD", ""))
+    user, password = credentials()
+    return Client(robot, endpoint, user=user, password=password)
+
+
+def credentials() -> tuple[str, str]:
+    """User and password, from RTCTL_USER and RTCTL_PASSWORD."""
+    return os.environ.get("RTCTL_USER", ""), os.environ.get("RTCTL_PASSWORD", "")
 
 
 @contextlib.contextmanager

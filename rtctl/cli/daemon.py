@@ -5,8 +5,6 @@ from typing import Annotated
 
 import typer
 
-from rtctl.cli.console import grid, output, remark, say, say_error
-from rtctl.cli.exit_codes import Exit
 from rtctl.cli.options import CONFIG, DEFAULT_CONFIG, RUN, SEED, SET
 
 RUN_DIRECTORY = Annotated[
@@ -60,37 +58,11 @@ def demo(
 
     Example: `rtctl demo planar-sim`
     """
-    from hal.errors import RtctlError
-    from rtctl import report, robots
-    from rtctl.cli.child import Daemon
-    from rtctl.cli.outcome import exit_code, key_figures
-    from rtctl.cli.progress import shown
+    from rtctl.cli.insertion import insert_through_daemon
     from rtctl.cli.runs import new_directory
-    from rtctl.recording import logs_in
     from rtctl.settings import load
-    from rtctl.workflow import insert_array
 
     settings = load(config, overrides or ())
     directory = run_directory or new_directory(settings.log.directory)
-    robot = robots.load(settings.robot.kind, settings.robot.geometry)
-    failure: RtctlError | None = None
-    remark("starting the daemon; the first time, kernels are compiled, which takes a minute")
-    with Daemon(settings, config, overrides or [], seed, directory) as daemon:
-        try:
-            operator = daemon.operator()
-            with shown() as progress:
-                insert_array(operator, settings, robot, progress)
-        except RtctlError as error:
-            failure = error
-    if failure is not None:
-        say_error(str(failure))
-        if not logs_in(directory):
-            return Exit(failure.exit_code)
-    figures = report.write(directory)
-    output().print(grid(key_figures(figures)))
-    say(f"report: {directory / 'report.html'}")
-    code = exit_code(figures, failure)
-    if code is Exit.OK and daemon.exit_code != 0:
-        say_error(f"the daemon ended with {daemon.exit_code}; see {daemon.output}")
-        return Exit.FAILED
+    code, _ = insert_through_daemon(settings, config, overrides or [], seed, directory)
     return code

@@ -100,6 +100,12 @@ PUBLISHED: dict[str, str] = {
     "alive": "liveliness token of the gateway",
 }  # fmt: skip
 
+OPERATOR_TWIST = "operator/twist"
+BY_DEVICES: dict[str, str] = {
+    OPERATOR_TWIST: "JSON: twist, buttons and deadman of a person who drives by hand, for `rtctl operate follow`",
+}
+"""What operators' devices publish; the gateway passes it on and reads none of it."""
+
 
 def key_of(verb: Verb) -> str:
     """The key that asks for `verb`, below ``rtctl/<robot>/``."""
@@ -112,3 +118,5 @@ def reference() -> Iterator[tuple[str, str, str, str]]:
         yield name, key.arguments, "holder of the lease" if key.lease else "everybody", key.doc
     for name, doc in PUBLISHED.items():
         yield name, "", "published", doc
+    for name, doc in BY_DEVICES.items():
+        yield name, "", "published by a device", doc

@@ -1,11 +1,14 @@
 """The pages: which table each of them shows, and the few words around it."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from importlib.metadata import entry_points
 from typing import Any
 
 from hal import backend as backends
+from hal import device as devices
 from hal import troubles
+from hal.errors import OptionError
 from hal.options import bound_text, describe
 from hal.signals import Signal
 from rtctl.cli import app
@@ -38,7 +41,13 @@ def settings() -> str:
     parts += ["## Options of the backends", "What `[backend.options]` may hold; `[backend] name` says whose."]
     for name, backend in _backends():
         if hasattr(backend, "options_type"):
-            parts += sections(backend.options_type, "backend.options", name)
+            parts += sections(backend.options_type, getattr(backend, "options_path", "backend.options"), name)
+    parts += [
+        "## Options of the devices",
+        "What a table `[[backend.options.devices]]` of the backend `hardware` may hold beside `name`; its `kind` says which. How they are wired is in the [how-to pages](../how-to/add-a-device.md).",
+    ]
+    for entry in sorted(entry_points(group=devices.GROUP)):
+        parts += sections(entry.load().options_type, "devices", entry.name)
     return page("Settings", "rtctl/settings.py, the robots and the backends", parts)
 
 
@@ -54,7 +63,10 @@ def signals() -> str:
         _signals(controller_table(3).signals, _part),
     ]
     for name, backend in _backends():
-        truth = backends.load(name, {}, period_s=0.001, seed=0).truth() if backend.simulated else None
+        truth = None
+        if backend.simulated:
+            with suppress(OptionError):  # one that cannot do without settings has the truth of another
+                truth = backends.load(name, {}, period_s=0.001, seed=0).truth()
         if truth is not None:
             parts += [
                 f"## What the backend `{name}` knows",

@@ -33,7 +33,11 @@ class EmulatedAtiDaq:
         if table["card"] not in station.emulators:
             raise BackendError(f"emulated {name} needs its card", value=table["card"], remedy="list the card before it")
         self._card = cast(Any, station.emulators[table["card"]])
-        self._table, self._inputs, self._t_out = table, [int(i) for i in table["inputs"]], table.get("t_out_input")
+        self._out_of_f, self._inputs, self._t_out = (
+            out_of_f(table),
+            [int(i) for i in table["inputs"]],
+            table.get("t_out_input"),
+        )
         self._bridge = Bridge(table["calibration"], table.get("part", ""))
         compensated = self._bridge.reference_v == self._bridge.reference_v
         self.t_out_v = self._bridge.reference_v if compensated else T_OUT_V
@@ -46,7 +50,7 @@ class EmulatedAtiDaq:
     def sense(self, tick: int, bench: Bench) -> None:  # noqa: ARG002
         """The gauges follow the load."""
         level = self._level
-        load = out_of_f(bench.wrench_in_sensor, self._table)
+        load = self._out_of_f @ bench.wrench_in_sensor
         load[2] += level["overload"] * self._bridge.rated[2]
         self._zero_v += level["drift"] * self._period_s
         gauge_v = self._bridge.gauge_v(load, self._zero_v, self.t_out_v)

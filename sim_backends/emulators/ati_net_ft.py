@@ -33,7 +33,7 @@ class EmulatedNetFt:
     def __init__(self, name: str, table: Mapping[str, Any], station: Station) -> None:  # noqa: ARG002
         address = table.get("address", "192.168.1.1:49152")
         self._link: Datagrams = station.switchboard.plug_datagrams(table.get("local", ""), address)
-        self._table, self._samples = table, round(INTERNAL_HZ * station.period_s)
+        self._out_of_f, self._samples = out_of_f(table), round(INTERNAL_HZ * station.period_s)
         force, torque = NEWTONS[table["force_unit"]], NEWTON_MM[table["torque_unit"]]
         self._counts_per = np.array([table["counts_per_force"] / force] * 3 + [table["counts_per_torque"] / torque] * 3)
         self._bias, self._counts = np.zeros(6), np.zeros(6)
@@ -51,7 +51,7 @@ class EmulatedNetFt:
             return
         if not self._level["freeze_ft"]:
             self._ft = (self._ft + self._samples) % 2**32
-            raw = np.round(out_of_f(bench.wrench_in_sensor, self._table) * self._counts_per)
+            raw = np.round(self._out_of_f @ bench.wrench_in_sensor * self._counts_per)
             self._counts = np.clip(raw - self._bias, -LARGEST, LARGEST)
         while (size := self._link.receive(self._request)) >= 0:
             if not self._level["silence"]:

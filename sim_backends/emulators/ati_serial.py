@@ -32,7 +32,7 @@ class EmulatedAtiSerial:
 
     def __init__(self, name: str, table: Mapping[str, Any], station: Station) -> None:  # noqa: ARG002
         self._link = station.switchboard.plug_serial(table["path"])
-        self._table, self._bytes_a_tick = table, table.get("baud", 38400) / BITS_A_BYTE * station.period_s
+        self._out_of_f, self._bytes_a_tick = out_of_f(table), table.get("baud", 38400) / BITS_A_BYTE * station.period_s
         force, torque = NEWTONS[table["force_unit"]], NEWTON_MM[table["torque_unit"]]
         self._counts_per = np.array([table["counts_per_force"] / force] * 3 + [table["counts_per_torque"] / torque] * 3)
         self._heard, self._said = deque[int](), deque[int]()
@@ -45,7 +45,7 @@ class EmulatedAtiSerial:
 
     def sense(self, tick: int, bench: Bench) -> None:  # noqa: ARG002
         """A tick of bytes comes in and goes out."""
-        self._counts = np.round(out_of_f(bench.wrench_in_sensor, self._table) * self._counts_per)
+        self._counts = np.round(self._out_of_f @ bench.wrench_in_sensor * self._counts_per)
         while (size := self._link.receive(self._chunk)) > 0:
             if not self._level["silence"]:
                 self._heard.extend(self._chunk[:size])

@@ -36,6 +36,7 @@ ANOTHER_PROTOCOL = b"\x12\x34" + bytes(34)
 class EmulatedCim:
     """See :class:`hal.emulator.Emulator`. Its switchboard may as well hand out a socket: whatever has `send`."""
 
+    apart = True
     faults = ("silence", "drop", "duplicate", "reorder", "new_run", "corrupt_crc", "bad_length", "freeze", "open", "short", "foreign")  # fmt: skip
 
     def __init__(self, name: str, table: Mapping[str, Any], station: Station) -> None:

@@ -5,11 +5,12 @@ Written from the specification on its own, and the other way round than a driver
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+
+from hal.files import find
 
 NEWTONS = {"N": 1.0, "lb": 4.44822161526}
 NEWTON_MM = {"N-mm": 1.0, "N-m": 1e3, "lb-in": 112.984829028}
@@ -28,18 +29,18 @@ def turn(angles_rad: Any) -> np.ndarray:
     return result
 
 
-def moved(wrench: np.ndarray, origin_mm: Any, angles_rad: Any) -> np.ndarray:
-    """`wrench` [N, N mm] of a frame that is at `origin_mm`, turned by `angles_rad`, as seen from the frame it moved from."""
-    axes = turn(angles_rad)
-    force, torque = axes @ wrench[:3], axes @ wrench[3:]
-    return np.concatenate([force, torque + np.cross(origin_mm, force)])
+def moving(origin_mm: Any, angles_rad: Any) -> np.ndarray:
+    """Matrix (6, 6) that takes a wrench [N, N mm] of a frame at `origin_mm`, turned by `angles_rad`, to the one it moved from."""
+    axes, (x, y, z) = turn(angles_rad), origin_mm
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3] = matrix[3:, 3:] = axes
+    matrix[3:, :3] = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ axes
+    return matrix
 
 
-def out_of_f(wrench_in_f: np.ndarray, table: Mapping[str, Any]) -> np.ndarray:
-    """The wrench in the sensor's own frame, from a device's settings of its mounting."""
-    return moved(
-        wrench_in_f, table.get("translation_mm", (0.0,) * 3), np.radians(table.get("rotation_deg", (0.0,) * 3))
-    )
+def out_of_f(table: Mapping[str, Any]) -> np.ndarray:
+    """Matrix (6, 6) from a wrench in {F} to the sensor's own frame, from a device's settings of its mounting."""
+    return moving(table.get("translation_mm", (0.0,) * 3), np.radians(table.get("rotation_deg", (0.0,) * 3)))
 
 
 class Bridge:
@@ -50,20 +51,20 @@ class Bridge:
     """
 
     def __init__(self, path: str, part: str = "") -> None:
-        root = ElementTree.fromstring(Path(path).read_bytes())
+        root = ElementTree.fromstring(find(path).read_bytes())
         found = next(c for c in root.iter("Calibration") if part in ("", c.get("PartNumber")))
         units = [NEWTONS[found.attrib["ForceUnits"]]] * 3 + [NEWTON_MM[found.attrib["TorqueUnits"]]] * 3
         # Axis, where it is there, is closer to the gauges than what was derived from it
         axes = found.findall("Axis") or found.findall("UserAxis")
         rows = np.array([a.attrib["values"].split() for a in axes], float)
         rows *= (np.array(units) / [float(a.get("scale", 1.0)) for a in axes])[:, None]
-        self._volts = np.linalg.inv(rows)
         self.rated = np.array([float(a.attrib["max"]) for a in axes]) * units
         basic = found.find("BasicTransform")
         place = basic.attrib if basic is not None and found.findall("Axis") else {}
         mm = MILLIMETRES[found.get("DistUnits", "mm")]
-        self._origin_mm = [float(place.get(k, 0.0)) * mm for k in ("Dx", "Dy", "Dz")]
-        self._angles_rad = [math.radians(float(place.get(k, 0.0))) for k in ("Rx", "Ry", "Rz")]
+        origin_mm = [float(place.get(k, 0.0)) * mm for k in ("Dx", "Dy", "Dz")]
+        angles_rad = [math.radians(float(place.get(k, 0.0))) for k in ("Rx", "Ry", "Rz")]
+        self._volts = np.linalg.inv(rows) @ moving(origin_mm, angles_rad)
         self.reference_v, self._bias_slope, self._gain_slope = math.nan, np.zeros(6), np.zeros(6)
         thermistor = found.find("Thermistor")
         if found.get("HWTempComp", "False") != "True" and thermistor is not None:
@@ -75,7 +76,7 @@ class Bridge:
 
     def gauge_v(self, wrench_in_sensor: np.ndarray, zero_v: np.ndarray, t_out_v: float) -> np.ndarray:
         """Voltages (6,) of the gauges; `zero_v` is what they show unloaded, at the reference temperature."""
-        volts = self._volts @ moved(wrench_in_sensor, self._origin_mm, self._angles_rad) + zero_v
+        volts = self._volts @ wrench_in_sensor + zero_v
         if math.isnan(self.reference_v):
             return volts
         warmth_v = t_out_v - self.reference_v

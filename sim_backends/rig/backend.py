@@ -42,9 +42,11 @@ class RigBackend:
     """
 
     simulated = True
+    options_type, options_path = RigOptions, "backend.options.rig"
+    """for the reference of settings"""
 
     def __init__(self, table: Mapping[str, Any], *, period_s: float, seed: int) -> None:
-        self.options = options.read(RigOptions, table.get("rig", {}), "backend.options.rig")
+        self.options = options.read(RigOptions, table.get("rig", {}), self.options_path)
         switchboard = Switchboard()
         self._hardware = cast(Any, backends.load("hardware", table, period_s=period_s, seed=seed))
         self._hardware.use(switchboard)

@@ -29,8 +29,6 @@ from sim_backends.rig.backend import RigOptions
 from sim_backends.rig.rig import Rig, add_emulator
 from sim_backends.rig.seams import card_name
 
-CATCH_UP_TICKS = 100
-"""A bench that was stalled longer jumps on: its time is lost, as in a power cut of the wall clock."""
 PLANT = "plant"
 
 
@@ -39,13 +37,17 @@ class RealStation(Station):
 
     def __init__(self, place: str, period_s: float, seed: int) -> None:
         super().__init__(period_s, seed, RealLinks())
-        self._place = place
+        self.place = place
         self.names: list[str] = []
 
     def card_memory(self, base: int, dtype: np.dtype) -> np.ndarray:
         """See :class:`hal.emulator.Station`."""
-        self.names.append(card_name(base))
-        return memory.create(self._place, self.names[-1], dtype)
+        return self.share(card_name(base), dtype)
+
+    def share(self, name: str, dtype: np.dtype) -> np.ndarray:
+        """A record (1,) that the other processes see."""
+        self.names.append(name)
+        return memory.create(self.place, name, dtype)
 
 
 class RealLinks(Switchboard):
@@ -106,8 +108,7 @@ def lives_apart(entry: Mapping[str, Any]) -> bool:
 def _plant(settings: Mapping[str, Any], rig_options: RigOptions, station: RealStation) -> Callable[[int], None]:
     wired = [entry for entry in settings["devices"] if not lives_apart(entry)]
     rig = Rig(wired, rig_options.plant, station)
-    station.names.append("bench")
-    told = memory.create(settings["place"], "bench", bench_dtype(rig.plant.axes))
+    told = station.share("bench", bench_dtype(rig.plant.axes))
 
     def step(tick: int) -> None:
         rig.step(tick)
@@ -161,16 +162,19 @@ def _pace(step: Callable[[int], None], period_s: float, priority: int) -> None:
         OSError
     ):  # without the right the bench jitters, as the loop will too, which tells the user
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    cores = os.sched_getaffinity(0)
+    if len(cores) > 1:
+        os.sched_setaffinity(0, cores - {max(cores)})  # the last one is the loop's
     print("ready", flush=True)
-    origin = time.monotonic()
+    due = time.monotonic()
     tick = 0
     while not ended:
-        due = int((time.monotonic() - origin) / period_s)
-        if due <= tick:
-            time.sleep(max(origin + (tick + 1) * period_s - time.monotonic(), 0.0))
-            continue
-        if due - tick > CATCH_UP_TICKS:
-            origin += (due - tick - CATCH_UP_TICKS) * period_s
+        due += period_s
+        late = time.monotonic() - due
+        if late > 0.0:
+            due += late  # time lost is lost: caught up, shafts would seem to turn faster than any motor can
+        else:
+            time.sleep(-late)
         tick += 1
         step(tick)
 

@@ -13,7 +13,7 @@ from drivers.ati.mounting import frame_change
 from hal.errors import OptionError
 
 HERE = Path(__file__).parent
-EXAMPLE = HERE.parents[2] / "docs" / "examples" / "force-sensor.cal"
+EXAMPLE = HERE.parents[2] / "config" / "example-sensor.cal"
 NEWER, OLDER = (HERE / "newer.cal").read_text(), (HERE / "older.cal").read_text()
 
 

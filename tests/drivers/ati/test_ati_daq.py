@@ -204,9 +204,10 @@ def test_without_a_conversion_there_is_no_wrench_and_an_old_one_says_so(rig):
     [
         ({"calibration": str(HERE / "older.cal")}, "t_out_input"),
         ({"inputs": [0, 1, 2, 3, 4]}, "list of 6"),
-        ({"inputs": [0, 1, 2, 3, 4, 4]}, "input 4"),
+        ({"inputs": [0, 1, 2, 3, 4, 4]}, "twice"),
         ({"inputs": [0, 1, 2, 3, 4, 5.5]}, "whole"),
-        ({"t_out_input": 5}, "input 5"),
+        ({"t_out_input": 5}, "twice"),
+        ({"inputs": [0, 1, 2, 3, 4, 12]}, "input 12"),
         ({"part": "SI-9-0.125"}, "set part"),
         ({"calibration": "nowhere.cal"}, "cannot be read"),
         ({"frozen": 3}, "unknown"),

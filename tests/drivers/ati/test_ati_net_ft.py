@@ -175,6 +175,17 @@ def test_a_restart_of_ft_sequence_is_found_wherever_the_counters_were(lockstep, 
     assert np.isnan(r.wrench_in_sensor).all()
 
 
+def test_a_restart_of_a_sensor_that_had_just_begun_is_no_late_record(lockstep):
+    bare = Bare(lockstep)
+    for i in range(30):
+        bare.step((1 + i, 7 * i, 0, 1, 0, 0, 0, 0, 0))
+    for _ in range(11):
+        bare.step()
+    for i in range(2):
+        r = bare.step((1 + i, 7 * i, 0, 1, 0, 0, 0, 0, 0))
+    assert (r.wrench_validity, r.trouble) == (INVALID, Trouble.SENSOR_REBOOTED)
+
+
 def test_a_reboot_with_power_is_invalid_until_power_is_taken_away(rig):
     rig.bench.wrench_in_sensor[0] = 1.0
     rig.steps(200, 0.0, True)

@@ -189,6 +189,35 @@ def test_a_controller_that_was_left_streaming_or_half_way_through_a_command_is_c
     assert rig.steps(100) == {0}
 
 
+def test_an_adapter_that_delivers_in_bursts_is_lived_with(binary):
+    """Bytes of 16 ms come at once: records are older, and the dialogue is not lost, and found again when it is."""
+    rig = binary
+    rig.step()
+    line, kept = rig.sensor._link, bytearray()
+    receive = line.receive
+
+    def bursts(buffer):
+        size = receive(buffer)
+        if size > 0:
+            kept.extend(buffer[:size])
+        if rig.tick % 16 or not kept:
+            return -1
+        size = len(kept)
+        buffer[:size] = kept
+        kept.clear()
+        return size
+
+    line.receive = bursts
+    rig.steps(200)
+    assert rig.steps(300) == {0}
+    assert rig.readings.wrench_validity == VALID
+    assert 6 <= rig.readings.wrench_age_ticks <= 48
+    rig.controller.inject("drop_byte", 1)
+    rig.until(lambda r: r.trouble == Trouble.LINE_DESYNC, most=100)
+    assert rig.until(lambda r: r.trouble == 0, most=300) <= 150
+    assert rig.steps(300) == {0}
+
+
 def test_babble_is_bounded_and_told(binary):
     rig = binary
     rig.steps(100)
