@@ -1,5 +1,7 @@
 """The encoders' counters: how they are set up and read, and what the words mean (07 sections 1.2 and 1.3)."""
 
+from numba.types import UniTuple, boolean, int32, int64
+
 from drivers.sensoray526.registers import (
     ERROR_CAPTURED,
     EVENTS,
@@ -19,6 +21,10 @@ from drivers.sensoray526.registers import (
 )
 from hal.kernel import kernel
 
+DECODE = UniTuple(int64, 2)(
+    int32[:, :], int64[:], int64, int64, int64[:], int64[:], boolean[:], int64[:], int64[:], int32[:]
+)  # fmt: skip
+"""Compiled when it is imported, and so by `rtctl warmup`: the first tick is no time for it."""
 WRAP = 1 << 24
 HALF = 1 << 23
 
@@ -67,7 +73,7 @@ def wrapped(delta):
     return (delta + HALF) % WRAP - HALF
 
 
-@kernel
+@kernel(signature=DECODE)
 def decode(words, channels, index_flag, control, raw, count, error, index_count, index_sequence, clear):
     """Take over what the counters of `channels` (k,) showed in this tick.
 

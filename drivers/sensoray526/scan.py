@@ -1,5 +1,7 @@
 """One scan of the converter: all inputs and both references in one command (07 section 1.3)."""
 
+from numba.types import boolean, float64, int32, int64
+
 from drivers.sensoray526.registers import (
     ADC_CONTROL,
     ADC_DONE,
@@ -47,7 +49,7 @@ def signed(word):
     return (word & 0xFFFF ^ 0x8000) - 0x8000
 
 
-@kernel
+@kernel(signature=float64(int32[:], int64[:], float64, int32[:], float64[:], boolean[:]))
 def decode(words, inputs, reference_v, code, voltage_v, railed):
     """Voltages of `inputs` (k,) from the results (2 + k,) of a scan: V = Vref (D - D9) / (D8 - D9).
 

@@ -41,7 +41,6 @@ class CardPorts:
             raise TypeError("a card is one record of CARD")
         self._record = record
         self._where = np.zeros(1, np.int32)
-        self.execute(np.zeros(0, OPERATION))
 
     def execute(self, operations: np.ndarray) -> int:
         """See :class:`hal.seams.PortIO`. Raises BackendError if the driver misuses the card."""

@@ -2,50 +2,17 @@
 
 import math
 
+from numba.np.numpy_support import from_dtype
+from numba.types import Array, int32, int64
+
 from hal.kernel import kernel
-from sim_backends.emulators.sensoray526_card import COUNTERS, INPUTS, OUTPUTS, SCANNED
+from sim_backends.emulators.sensoray526_card import CARD, COUNTERS, INPUTS, OUTPUTS, SCANNED
 from sim_backends.emulators.sensoray526_counters import LATCH_ON_EVENT, load
 
 READ, WRITE = 0, 1
 DAC_DONE, ADC_DONE, EEPROM_DONE = 0x02, 0x04, 0x80
 FINE, OUTSIDE, ODD, NO_REGISTER, NOT_MODELLED = 0, -1, -2, -3, -4
 """What :func:`execute` says: nothing wrong, or how the driver misused the card."""
-
-
-@kernel
-def execute(cards, operations, where):
-    """Carry out operations (n, 6) of 32-bit words, in the order of hal.seams.OPERATION, on a card (1,) of CARD.
-
-    Returns:
-        POLLs that timed out, or how the card was misused by the operation whose number goes to where (1,).
-    """
-    card = cards[0]
-    timed_out = 0
-    for i in range(len(operations)):
-        kind, offset = operations[i, 0], operations[i, 1] - card.base
-        where[0] = i
-        if offset < 0 or offset >= 0x40:
-            return OUTSIDE
-        if offset & 1:
-            return ODD
-        if kind == WRITE:
-            wrong = write(card, offset, operations[i, 2] & 0xFFFF)
-            if wrong:
-                return wrong
-            continue
-        tries = 1 if kind == READ else operations[i, 4]
-        word = -1
-        for _ in range(tries):
-            word = read(card, offset)
-            if word < 0:
-                return word
-            if kind == READ or word & operations[i, 3] == operations[i, 2]:
-                break
-            word = -1
-        if word < 0:
-            timed_out += 1
-        operations[i, 5] = word
-    return timed_out
 
 
 @kernel
@@ -265,3 +232,39 @@ def tick(cards, ticks):
         card.watchdog_left -= ticks
         if card.watchdog_left <= 0:
             card.watchdog_expired = 1
+
+
+@kernel(signature=int64(Array(from_dtype(CARD), 1, "C"), int32[:, ::1], int32[::1]))
+def execute(cards, operations, where):
+    """Carry out operations (n, 6) of 32-bit words, in the order of hal.seams.OPERATION, on a card (1,) of CARD.
+
+    Returns:
+        POLLs that timed out, or how the card was misused by the operation whose number goes to where (1,).
+    """
+    card = cards[0]
+    timed_out = 0
+    for i in range(len(operations)):
+        kind, offset = operations[i, 0], operations[i, 1] - card.base
+        where[0] = i
+        if offset < 0 or offset >= 0x40:
+            return OUTSIDE
+        if offset & 1:
+            return ODD
+        if kind == WRITE:
+            wrong = write(card, offset, operations[i, 2] & 0xFFFF)
+            if wrong:
+                return wrong
+            continue
+        tries = 1 if kind == READ else operations[i, 4]
+        word = -1
+        for _ in range(tries):
+            word = read(card, offset)
+            if word < 0:
+                return word
+            if kind == READ or word & operations[i, 3] == operations[i, 2]:
+                break
+            word = -1
+        if word < 0:
+            timed_out += 1
+        operations[i, 5] = word
+    return timed_out

@@ -1,6 +1,9 @@
 """The card's driver in health: what it writes, in which order, and what it makes of what it reads."""
 
 import dataclasses
+import re
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from hal.device import NEVER, Readings, Site, load
 from hal.emulator import Station
 from hal.errors import BackendError, OptionError
 from hal.frames import INVALID, VALID
+from hal.kernel import loaded
 from hal.seams import Kind
 from hal.switchboard import Switchboard
 from sim_backends.emulators.sensoray526 import EmulatedSensoray526
@@ -316,6 +320,34 @@ def test_settings_are_checked(table, words):
         return
     with pytest.raises(OptionError, match=words):
         Sensoray526("a", table, site())
+
+
+def test_nothing_is_compiled_after_the_import(make_card_rig):
+    """A real-time process that compiles is refused; the import is what `rtctl warmup` does."""
+    before = loaded()
+    rig = make_card_rig()
+    rig.tick()
+    one = site(rig.board)
+    card = Sensoray526("one", {"base": BASE, "index": False}, one)
+    card.use_counter(0, "axis")
+    card.use_input(0, "sensor")
+    card.open()
+    drivers = {name for name in loaded() - before if "decode" in name or "execute" in name}
+    assert not drivers
+
+
+def test_the_how_to_is_accepted():
+    text = (Path(__file__).parents[3] / "docs" / "how-to" / "wire-a-sensoray-526.md").read_text()
+    (block,) = re.findall(r"^```toml\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    there = site()
+    for entry in tomllib.loads(block)["backend"]["options"]["devices"]:
+        assert entry.pop("kind") == "sensoray526"
+        name = entry.pop("name")
+        there.devices[name] = Sensoray526(name, entry, there)
+    assert list(there.devices) == ["card_a", "card_b"]
+    known = {field.name for field in dataclasses.fields(Sensoray526.options_type)}
+    named = set(re.findall(r"`((?:watchdog|index|loop|poll|base)\w*)`", text))
+    assert named - known == set()
 
 
 def test_every_setting_is_documented():
