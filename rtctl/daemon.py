@@ -46,7 +46,7 @@ class Daemon:
         self.settings, self.run_directory, self.seed = settings, run_directory, seed
         self.with_gateway = gateway
         self.ticks = None if duration_s is None else round(duration_s / settings.loop.period_s)
-        self.claim = _claim(settings.robot.name)
+        self.claim = claim(settings.robot.name)
         warm_up_apart(settings)
         choice = settings.backend
         backend = load(choice.name, choice.options, period_s=settings.loop.period_s, seed=seed)
@@ -173,7 +173,7 @@ def run(
     return Daemon(settings, run_directory=run_directory, seed=seed, gateway=gateway, duration_s=duration_s).run()
 
 
-def _claim(robot: str) -> socket.socket:
+def claim(robot: str) -> socket.socket:
     """Hold the robot's name as an abstract socket: it vanishes with the process, however that ends."""
     claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:

@@ -15,6 +15,7 @@ from rtctl.cli import (
     configuration,
     daemon,
     detector,
+    devices,
     logs,
     motion,
     operate,
@@ -39,7 +40,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, bench, watching, devices, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 

@@ -5,6 +5,7 @@ import selectors
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
@@ -13,10 +14,10 @@ from hal import emulator as emulators
 from hal.backend import load
 from hal.errors import BackendError, OptionError
 from rtctl.settings import Settings
+from rtctl.warmup import warm_up_apart
 
 PLANT = "plant"
-START_S = 120.0
-"""The plant's kernels may have to be compiled."""
+START_S = 60.0
 END_S = 5.0
 
 
@@ -35,6 +36,11 @@ def rig_settings(settings: Settings, seed: int) -> dict[str, Any]:
         "place": place or "bench", "period_s": settings.loop.period_s, "seed": seed, "axes": backend.axes,
         "devices": list(options["devices"]), "rig": options.get("rig", {}),
     }  # fmt: skip
+
+
+def in_lockstep(settings: Settings) -> Settings:
+    """The same drivers and emulators in one process, without a clock: the backend "rig"."""
+    return replace(settings, backend=replace(settings.backend, name="rig"))
 
 
 def parts(told: dict[str, Any]) -> list[str]:
@@ -56,11 +62,12 @@ class RigProcesses:
     """
 
     def __init__(self, settings: Settings, seed: int, output: Path) -> None:
-        self._told = rig_settings(settings, seed)
+        self._settings, self._told = settings, rig_settings(settings, seed)
         self._output = output
         self.processes: dict[str, subprocess.Popen] = {}
 
     def __enter__(self) -> Self:
+        warm_up_apart(in_lockstep(self._settings))
         try:
             for part in parts(self._told):
                 self.processes[part] = self._start(part)
