@@ -117,6 +117,8 @@ class AtiDaq:
         """The wrench, unless the card has none: then it says why."""
         card = self._card
         self._tick = tick
+        if self._sampled >= 0:
+            readings.wrench_sequence, readings.wrench_age_ticks = self._sequence, tick - self._sampled
         if card.voltage_validity != VALID:
             return
         if card.voltage_sequence != self._sequence:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rtctl.hil.comparison import Difference
+    from rtctl.hil.faults import Outcome
 
 HIL = "planar-hil"
 CONFIG = Annotated[
@@ -114,8 +115,33 @@ def _comparison(found: "list[Difference]") -> "Table":
 
 
 def faults(config: CONFIG = HIL, overrides: SET = None) -> int:
-    """Break every device in every way its emulator knows, and tell how fast it was seen and what the robot did.
+    """Break every device in every way its emulator knows, in the middle of an insertion, and tell what came of it.
+
+    In lockstep, so the latencies are exact. Exit code 6 if a fault was not seen.
 
     Example: `rtctl bench faults`
     """
-    raise NotImplementedError
+    from rtctl.hil.faults import run
+    from rtctl.settings import load
+
+    settings = load(config, overrides or ())
+    outcomes = []
+    for outcome in run(settings):
+        remark(f"{outcome.fault.what}: {outcome.text or 'nothing was told'}")
+        outcomes.append(outcome)
+    output().print(_outcomes(outcomes))
+    return Exit.OK if all(o.seen_ticks is not None for o in outcomes) else Exit.DATA
+
+
+def _outcomes(outcomes: "list[Outcome]") -> "Table":
+    from rich.table import Table
+
+    table = Table(title="faults in the middle of an insertion, in lockstep; a tick is 1 ms", title_justify="left")
+    for head in ("what breaks", "seen by", "after", "state", "after", "goes on", "what the operator reads"):
+        table.add_column(head, justify="right" if head == "after" else "left", overflow="fold")
+    for o in outcomes:
+        ticks = ["" if n is None else str(n) for n in (o.seen_ticks, o.reacted_ticks)]
+        table.add_row(
+            o.fault.what, o.sign or "nobody", ticks[0], o.state, ticks[1], "yes" if o.moving else "no", o.text
+        )
+    return table

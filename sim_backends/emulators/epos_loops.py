@@ -32,7 +32,7 @@ class Loops:
         self.current_set_a = 0.0
         self._bench_rad = self._bench_rate = 0.0
         self._zero_rad = 0.0
-        self._on_bench = False
+        self._on_bench = self._turned_bench = False
 
     def start(self, objects: dict[int, Entry]) -> None:
         """After a reset the encoder counts from zero."""
@@ -44,7 +44,8 @@ class Loops:
         self._set_rad = self._goal = self._rate = self._integral_a = 0.0
         self._span_s = self._late_s = self._ramp_s = 0.0
         self._acknowledged = self._limited = False
-        self._zero_rad = self._bench_rad if self.turns_bench else self.rotor.angle_rad
+        self._turned_bench = self.turns_bench
+        self._zero_rad = self._shaft_rad
 
     @property
     def mode(self) -> int:
@@ -58,8 +59,16 @@ class Loops:
 
     @property
     def angle_rad(self) -> float:
-        """Of the shaft that the encoder sits on."""
-        return (self._bench_rad if self.turns_bench else self.rotor.angle_rad) - self._zero_rad
+        """Of the shaft that the encoder sits on; it goes on counting when a mode makes another motor turn."""
+        if self.turns_bench != self._turned_bench:
+            counted = self._shaft_rad - self._zero_rad
+            self._turned_bench = self.turns_bench
+            self._zero_rad = self._shaft_rad - counted
+        return self._shaft_rad - self._zero_rad
+
+    @property
+    def _shaft_rad(self) -> float:
+        return self._bench_rad if self._turned_bench else self.rotor.angle_rad
 
     @property
     def rate_rad_per_s(self) -> float:
