@@ -118,8 +118,8 @@ class HardwareBackend:
         demand, frame = self._demand, actuators[0]
         demand.array_loaded = bool(frame["array_loaded"])
         if not frame["power"]:
+            demand.clear_faults = demand.clear_faults or demand.power or self._tripped
             self._tripped = False
-            demand.clear_faults = demand.clear_faults or demand.power
             self._cut(tick)
             demand.clear_faults = False
             return

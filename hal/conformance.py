@@ -250,12 +250,12 @@ def allocates_nothing(make: Make, pace: Pace = no_wait) -> None:
                 backend.read(t, sensors)
                 backend.write(t, actuators)
 
-        run(tick + 1, tick + 100)
+        run(tick + 1, tick + 300)  # beyond the integers that the interpreter keeps anyway
         tracemalloc.start()
         try:
-            run(tick + 100, tick + 200)
+            run(tick + 300, tick + 400)
             before, _ = tracemalloc.get_traced_memory()
-            run(tick + 200, tick + 1200)
+            run(tick + 400, tick + 1400)
             grown = tracemalloc.get_traced_memory()[0] - before
         finally:
             tracemalloc.stop()

@@ -11,8 +11,9 @@ from hal.backend import GROUP, load
 from hal.conformance import CHECKS
 from hal.frames import INVALID, VALID
 from hal.signals import TICK, TIME, Signal, Table
+from rtctl.settings import load as load_settings
 
-TABLES: dict[str, dict] = {}
+TABLES: dict[str, dict] = {"rig": load_settings("planar-hil").backend.options}
 """Settings of backends that have no complete defaults."""
 TRUTH = Table("Truth", (TIME, TICK, Signal("x", "f8", (), "", "")))
 

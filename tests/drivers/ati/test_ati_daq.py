@@ -195,7 +195,7 @@ def test_without_a_conversion_there_is_no_wrench_and_an_old_one_says_so(rig):
     assert rig.readings.wrench_validity == VALID, "a repeated sample is old, not frozen"
     card.voltage_validity = INVALID
     r = rig.step()
-    assert (r.wrench_validity, r.wrench_sequence) == (INVALID, 0)
+    assert (r.wrench_validity, r.wrench_age_ticks) == (INVALID, 31)
     assert np.isnan(r.wrench_in_sensor).all()
 
 
