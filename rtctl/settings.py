@@ -18,6 +18,7 @@ from typing import Any
 from hal.errors import OptionError
 from hal.options import option, read, table_of
 from rtctl import robots
+from rtctl.electrode.array_shape import LENGTH_MM
 from rtctl.electrode.patient import (
     LARGEST_A_MM,
     RECESS_ANGLE_RAD,
@@ -243,7 +244,13 @@ class Electrode:
     modal_matrix: tuple[tuple[float, ...], ...] = option(
         ARRAY_MATRIX, shape=(4, 4), low=-10, high=10, unit="rad / mm^k", doc="A of theta(s, q) = psi(s)^T A eta(q)"
     )
-    length_mm: float = option(18.0, low=5.0, high=30.0, unit="mm", doc="from the grip to the tip")
+    length_mm: float = option(
+        LENGTH_MM,
+        low=5.0,
+        high=30.0,
+        unit="mm",
+        doc="from the grip to the tip; the model of its shape knows this one only",
+    )
 
 
 @dataclass(frozen=True)
@@ -515,6 +522,8 @@ def _check(s: Settings) -> None:
             raise OptionError(f"workflow.{name}: {problem.what}", value=problem.value, bound=problem.bound, remedy=problem.remedy)  # fmt: skip
     if s.admittance.blend_end_mm <= s.admittance.blend_start_mm:
         raise OptionError("admittance.blend_end_mm must be larger than blend_start_mm", value=s.admittance.blend_end_mm, bound=f"above {s.admittance.blend_start_mm}")  # fmt: skip
+    if s.electrode.length_mm != LENGTH_MM:
+        raise OptionError("the model of the array's shape is of one length", value=s.electrode.length_mm, bound=f"electrode.length_mm = {LENGTH_MM:g}", remedy="leave it out; arrays of other lengths cannot be planned yet")  # fmt: skip
     _check_impedance(s)
     if s.workflow.speed_mm_per_s > s.trajectory.depth_speed_mm_per_s:
         raise OptionError("workflow.speed_mm_per_s is faster than allowed", value=s.workflow.speed_mm_per_s, bound=f"at most trajectory.depth_speed_mm_per_s = {s.trajectory.depth_speed_mm_per_s}")  # fmt: skip

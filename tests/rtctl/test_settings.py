@@ -268,3 +268,8 @@ def test_defaults_lie_inside_their_bounds():
 def test_the_comments_of_what_ships_name_real_keys_only():
     for file in SHIPPED:
         from_table(tomllib.loads(file.read_text()))
+
+
+def test_a_length_the_array_model_does_not_know_is_refused_rather_than_ignored():
+    with pytest.raises(OptionError, match=r"one length: got 17.0 \(allowed: electrode.length_mm = 18\)"):
+        load("planar-sim", ["electrode.length_mm=17.0"])

@@ -56,9 +56,9 @@ def packed(*overrides):
 
 
 def test_contacts_lie_on_the_array_from_the_tip_on():
-    law = packed("electrode.length_mm=17.0", "impedance.first_contact_mm=0.5", "impedance.pitch_mm=0.6")
-    assert law["place_mm"] == pytest.approx(17.0 - 0.5 - 0.6 * np.arange(CONTACTS))
-    assert law["length_mm"] == 17.0
+    law = packed("impedance.first_contact_mm=0.5", "impedance.pitch_mm=0.6")
+    assert law["place_mm"] == pytest.approx(18.0 - 0.5 - 0.6 * np.arange(CONTACTS))
+    assert law["length_mm"] == 18.0
 
 
 def test_twenty_pairs_leave_the_last_place_empty():
