@@ -80,7 +80,7 @@ class Lockstep:
         self._clear()
         if compiled is not None:
             self._read, self._write = Pointer(compiled.read), Pointer(compiled.write)
-            self._run = specialised(run, self._arguments(0))
+            self.run = specialised(run, self._arguments(0))
         self.backend.open()
 
     @property
@@ -127,7 +127,7 @@ class Lockstep:
             if self._compiled is None:
                 self._interpret(n)
             else:
-                self._run(*self._arguments(n))
+                self.run(*self._arguments(n))
             rows = slice(self._rows, self._rows + n)
             self._rows += n
             self.tick += n

@@ -14,7 +14,7 @@ from rtctl.hil.processes import RigProcesses
 from rtctl.recording import logs_in, open_recording
 from rtctl.settings import load
 
-SHORT = ("workflow.depth_mm=4.0", "workflow.hold_s=0.1", "robot.name=hil", "backend.options.seams=rig:test")
+SHORT = ("workflow.depth_mm=2.5", "workflow.hold_s=0.1", "robot.name=hil", "backend.options.seams=rig:test")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="shared memory of Linux")
@@ -25,7 +25,7 @@ def test_an_insertion_through_the_drivers_agrees_with_the_plant(tmp_path, capsys
     records = open_recording(logs_in(tmp_path)).records
     assert code == Exit.OK, told.err[-2000:]
     assert "through the drivers" in told.out
-    assert records["depth_mm"].max() == pytest.approx(4.0)
+    assert records["depth_mm"].max() == pytest.approx(2.5)
     assert set(records["impedance_validity"].tolist()) >= {1}, "the telemetry came through its socket"
     assert len(comparison.SIGNALS) == told.out.count(" yes ")
 
