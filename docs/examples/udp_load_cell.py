@@ -1,7 +1,7 @@
 """A six-axis load cell that sends its readings by UDP, a thousand a second, without being asked.
 
-Its manual: 36 bytes, big-endian: "LCEL", u32 sequence (+1 a datagram), six float32 Fx Fy Fz [N] Mx My Mz [N mm], u32 CRC-32
-of the 32 bytes before.
+Its manual: 36 bytes, big-endian: "LCEL", u32 number (from 0 at power-on, +1 a datagram, wraps), six float32 Fx Fy Fz [N]
+Mx My Mz [N mm], u32 CRC-32 of the 32 bytes before. Its zero outlives a restart, which takes a second.
 """
 
 import struct
@@ -18,6 +18,10 @@ from hal.seams import Datagrams
 from hal.troubles import Trouble
 
 DATAGRAM = struct.Struct(">4sI6fI")
+DRAIN = 64
+"""Datagrams taken in one tick at most: what a flood leaves over waits for the next."""
+LIMIT = 1e6
+"""No load cell measures so much, in N or N mm."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,9 @@ class LoadCell:
         self._restart()
 
     def _restart(self) -> None:
-        self._sequence, self._sampled, self._wrench = -1, -1, (0.0,) * 6
-        self._refused = self._lost = 0
+        self._number = self._heard = -1
+        self._sequence = self._age = self._refused = self._lost = 0
+        self._wrench: list[float] = []
 
     def open(self) -> None:
         """Raises BackendError for an address that cannot be had."""
@@ -56,33 +61,45 @@ class LoadCell:
         """It measures by itself."""
 
     def read(self, tick: int, readings: Readings) -> None:
-        """Take all that has come; the newest counts."""
+        """Take what has come; the newest counts."""
         if self._line is None:
             return
-        refused = lost = 0
-        while (size := self._line.receive(self._buffer)) >= 0:
-            magic, sequence, *wrench, crc = DATAGRAM.unpack_from(self._buffer)
-            sound = size == DATAGRAM.size and magic == b"LCEL" and crc == zlib.crc32(self._buffer[: size - 4])
-            if not (sound and all(abs(v) < 1e6 for v in wrench)):  # NaN is not below anything
-                refused += 1
-                continue
-            step = (sequence - self._sequence) & 0xFFFFFFFF
-            if self._sequence >= 0 and step > 0x7FFFFFFF:
-                continue  # older than what is known
-            lost += step - 1 if self._sequence >= 0 and step > 0 else 0
-            self._sequence, self._sampled, self._wrench = sequence, tick, tuple(wrench)
-        self._refused, self._lost = self._refused + refused, self._lost + lost
-        age = tick - self._sampled if self._sampled >= 0 else NEVER
-        readings.wrench_sequence, readings.wrench_age_ticks = max(self._sequence, 0), age
-        if age <= self.options.silent_ticks:
-            readings.wrench_validity = VALID
-            readings.wrench_in_sensor[:] = self._wrench
-        else:
-            readings.report(Trouble.SENSOR_SILENT, min(age, tick))
-        if refused:
-            readings.report(Trouble.DATAGRAM_CORRUPT, self._refused)
-        if lost:
-            readings.report(Trouble.DATAGRAM_GAP, self._lost)
+        if self._heard < 0:
+            self._heard = tick  # silence counts from the first tick on
+        refused, lost = self._refused, self._lost
+        for _ in range(DRAIN):
+            size = self._line.receive(self._buffer)
+            if size < 0:
+                break
+            self._take(tick, size)
+        if self._refused > refused:
+            readings.report(Trouble.DATAGRAM_CORRUPT, self._refused - refused)
+        if self._lost > lost:
+            readings.report(Trouble.DATAGRAM_GAP, self._lost - lost)
+        self._age = tick - self._heard
+        if self._age > self.options.silent_ticks:
+            readings.report(Trouble.SENSOR_SILENT, self._age)
+        if self._sequence > 0:
+            readings.wrench_sequence, readings.wrench_age_ticks = self._sequence, self._age
+            if self._age <= self.options.silent_ticks:
+                readings.wrench_validity = VALID
+                readings.wrench_in_sensor[:] = self._wrench
+
+    def _take(self, tick: int, size: int) -> None:
+        """One datagram: refused unless sound, and no news unless newer than what is known."""
+        magic, number, *wrench, crc = DATAGRAM.unpack_from(self._buffer)
+        sound = size == DATAGRAM.size and magic == b"LCEL" and crc == zlib.crc32(self._buffer[:32])
+        if not (sound and all(abs(v) < LIMIT for v in wrench)):  # NaN is not below anything
+            self._refused += 1
+            return
+        step = (number - self._number) & 0xFFFFFFFF
+        if self._sequence == 0 or tick - self._heard > self.options.silent_ticks:
+            step = min(step, 1)  # the first, or switched off and on: its numbers say nothing, unless it repeats itself
+        if step == 0 or step > 0x7FFFFFFF:
+            return  # a double, or a late one
+        self._number, self._heard, self._wrench = number, tick, wrench
+        self._sequence += step
+        self._lost += step - 1
 
     def write(self, tick: int, demand: Demand) -> None:
         """It is not commanded."""
@@ -95,9 +112,13 @@ class LoadCell:
 
     def health(self) -> Health:
         """For ``rtctl devices list``."""
-        return Health(f"load cell at {self.options.peer}", errors={"refused": self._refused, "lost": self._lost})
+        foreign = self._line.foreign if self._line is not None else 0
+        errors = {"refused": self._refused, "lost": self._lost, "foreign": foreign}
+        return Health(
+            f"load cell at {self.options.peer}", age_ticks=self._age if self._sequence else NEVER, errors=errors
+        )
 
     def probe(self) -> list[Finding]:
         """For ``rtctl devices probe``."""
-        heard = self._sampled >= 0
+        heard = self._sequence > 0 and self._age <= self.options.silent_ticks
         return [Finding("readings", "come" if heard else "none", heard, "check its cable, and where it sends to")]
