@@ -144,7 +144,7 @@ def test_a_frozen_loop_loses_power_by_the_watchdog_of_the_device(start):
 
 
 def test_a_plant_that_goes_silent_is_a_fault_without_power(start):
-    daemon = start("backend.options.inject.axes_silent_after_s=6.0").wait_until_ready()
+    daemon = start("backend.options.inject.axes_silent_after_s=10.0").wait_until_ready()
     with daemon.client() as client:
         client.command(Verb.ENABLE)
         client.wait(lambda r: r["operating_state"] == Operating.FAULT, 15, "fault")
