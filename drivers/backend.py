@@ -62,7 +62,7 @@ class HardwareBackend:
         self._reversed = self._order[::-1]
         self._readings, self._demand = Readings(self.axes), Demand(self.axes)
         self._opened = self._tripped = False
-        self._write_tick = self._powered_since = -1
+        self._write_tick = -1
 
     def _add(self, number: int, entry: dict[str, Any]) -> None:
         where = f"backend.options.devices[{number}]"
@@ -124,11 +124,8 @@ class HardwareBackend:
             demand.clear_faults = False
             return
         command = frame["command_v"]
-        if not np.isfinite(command).all():
-            demand.command_v.fill(0.0)  # a missing command: nothing is passed on, and the watchdog goes on counting
-            return
-        if self._tripped:
-            return
+        if self._tripped or not np.isfinite(command).all():
+            return  # as if nobody had written: nothing is passed on, and the watchdog goes on counting
         np.clip(command, -LIMIT_V, LIMIT_V, out=demand.command_v)
         demand.power = True
         self._write_tick = tick
@@ -140,7 +137,7 @@ class HardwareBackend:
         self._opened = False
         self._demand.power = False
         self._demand.command_v.fill(0.0)
-        for device in self._reversed if hasattr(self, "_reversed") else []:
+        for device in self._reversed:
             device.close()
 
     def compiled(self) -> None:

@@ -1,13 +1,11 @@
 """The real connections of a target PC."""
 
-from typing import Any
-
 from hal.errors import BackendError
-from hal.seams import Datagrams, PortIO, SerialLine
-from hal.sockets import SerialPort, UdpSocket, open_can
+from hal.seams import PortIO
+from hal.sockets import SocketSeams
 
 
-class TargetSeams:
+class TargetSeams(SocketSeams):
     """Port instructions, UDP sockets, serial ports and CAN interfaces of this machine."""
 
     def __init__(self, where: str = "") -> None:
@@ -19,15 +17,3 @@ class TargetSeams:
         from drivers.sensoray526.native import NativePorts  # only a machine with such a card needs a compiler
 
         return NativePorts(base, size)
-
-    def datagrams(self, local: str, peer: str) -> Datagrams:
-        """A non-blocking socket."""
-        return UdpSocket(local, peer)
-
-    def serial(self, path: str, baud: int) -> SerialLine:
-        """Through pyserial, non-blocking."""
-        return SerialPort(path, baud)
-
-    def can_bus(self, interface: str, channel: str, bitrate: int) -> Any:
-        """Through python-can."""
-        return open_can(interface, channel, bitrate)

@@ -4,6 +4,7 @@ import socket
 from typing import Any
 
 from hal.errors import BackendError
+from hal.seams import Datagrams, SerialLine
 
 
 def open_can(interface: str, channel: str, bitrate: int) -> Any:
@@ -24,13 +25,34 @@ def address_of(text: str) -> tuple[str, int]:
     return host, int(port)
 
 
-class UdpSocket:
+class _Socket:
+    """What both ends of UDP have in common; a peer of None is nobody."""
+
+    def __init__(self) -> None:
+        self.foreign = 0
+        self._peer: tuple[str, int] | None = None
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def send(self, data: bytes | bytearray) -> None:
+        """To the peer, or nowhere."""
+        if self._peer is None:
+            return
+        try:
+            self._socket.sendto(data, self._peer)
+        except (BlockingIOError, OSError):
+            return
+
+    def close(self) -> None:
+        """Release the socket."""
+        self._socket.close()
+
+
+class UdpSocket(_Socket):
     """See :class:`hal.seams.Datagrams`. Not connected: a refused packet of a device that is still off is no error."""
 
     def __init__(self, local: str, peer: str) -> None:
-        self.foreign = 0
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
+        super().__init__()
         host, port = address_of(peer)
         try:
             self._peer = (socket.gethostbyname(host), port)
@@ -52,28 +74,17 @@ class UdpSocket:
                 return len(data)
             self.foreign += 1
 
-    def send(self, data: bytes | bytearray) -> None:
-        """To the peer, or nowhere."""
-        try:
-            self._socket.sendto(data, self._peer)
-        except (BlockingIOError, OSError):
-            return
-
-    def close(self) -> None:
-        """Release the socket."""
-        self._socket.close()
-
 
 class SerialPort:
     """See :class:`hal.seams.SerialLine`."""
 
-    def __init__(self, path: str, baud: int) -> None:
+    def __init__(self, path: str, baud: int, write_timeout_s: float = 0.0) -> None:
         import serial  # only where there is a line
 
         try:
-            self._port = serial.Serial(path, baud, timeout=0, write_timeout=0)
+            self._port = serial.Serial(path, baud, timeout=0, write_timeout=write_timeout_s)
         except (serial.SerialException, OSError, ValueError) as error:
-            raise BackendError("the serial port cannot be opened", value=path, remedy=f"check its name and your rights ({error})") from None  # fmt: skip
+            raise BackendError("the serial port cannot be opened", value=path, remedy=f"check its name and your rights, on Debian the group dialout ({error})") from None  # fmt: skip
         self._errors = (serial.SerialException, OSError)
 
     def receive(self, buffer: bytearray) -> int:
@@ -95,16 +106,14 @@ class SerialPort:
         self._port.close()
 
 
-class DeviceSocket:
+class DeviceSocket(_Socket):
     """The other end of a :class:`UdpSocket`, for emulators in processes of their own: answers whoever asked last.
 
     bound: "address:port" the driver sends to. peer: where to send without having been asked, or "".
     """
 
     def __init__(self, bound: str, peer: str) -> None:
-        self.foreign = 0
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
+        super().__init__()
         self._peer = address_of(peer) if peer else None
         try:
             self._socket.bind(address_of(bound))
@@ -122,15 +131,18 @@ class DeviceSocket:
         buffer[:n] = data[:n]
         return len(data)
 
-    def send(self, data: bytes | bytearray) -> None:
-        """To the peer, if one is known."""
-        if self._peer is None:
-            return
-        try:
-            self._socket.sendto(data, self._peer)
-        except (BlockingIOError, OSError):
-            return
 
-    def close(self) -> None:
-        """Release the socket."""
-        self._socket.close()
+class SocketSeams:
+    """The seams that end in this machine whoever answers: UDP, serial lines, CAN."""
+
+    def datagrams(self, local: str, peer: str) -> Datagrams:
+        """A non-blocking socket."""
+        return UdpSocket(local, peer)
+
+    def serial(self, path: str, baud: int) -> SerialLine:
+        """Through pyserial, non-blocking."""
+        return SerialPort(path, baud)
+
+    def can_bus(self, interface: str, channel: str, bitrate: int) -> Any:
+        """Through python-can."""
+        return open_can(interface, channel, bitrate)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.ati.rdt import RECORD, SATURATED_BIT, START, STATUS, STOP, Stream, request, worst_bit
-from drivers.ati.resolved import HIGH_PERCENT, RATED_PERCENT, Resolved, Scale
+from drivers.ati.resolved import HIGH_PERCENT, Resolved, Scale
 from drivers.tally import Tally
 from hal import options
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
@@ -131,10 +131,7 @@ class AtiNetFt:
             return FROZEN
         if self._sampled < 0:
             return INVALID
-        if self._scale.load_percent >= RATED_PERCENT:
-            tally.report(tick, readings, Trouble.LOAD_OVER_RATED, self._scale.load_percent)
-        elif self._scale.load_percent >= HIGH_PERCENT:
-            tally.report(tick, readings, Trouble.LOAD_HIGH, self._scale.load_percent)
+        self._scale.report_load(tick, readings, tally)
         return VALID
 
     def write(self, tick: int, demand: Demand) -> None:

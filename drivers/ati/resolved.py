@@ -6,8 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.ati.mounting import Mounting
+from drivers.tally import Tally
+from hal.device import Readings
 from hal.errors import OptionError
 from hal.options import option
+from hal.troubles import Trouble
 
 FORCE_N = {"N": 1.0, "lbf": 4.44822161526}
 TORQUE_NMM = {"N-mm": 1.0, "N-m": 1000.0, "lbf-in": 112.984829028}
@@ -54,3 +57,10 @@ class Scale:
         self._counts[:] = counts
         np.dot(self._to_both, self._counts, out=self._both)
         self.load_percent = max(map(abs, self._percent.tolist()))
+
+    def report_load(self, tick: int, readings: Readings, tally: Tally) -> None:
+        """Report a load that is high, or more than the sensor is made for."""
+        if self.load_percent >= RATED_PERCENT:
+            tally.report(tick, readings, Trouble.LOAD_OVER_RATED, self.load_percent)
+        elif self.load_percent >= HIGH_PERCENT:
+            tally.report(tick, readings, Trouble.LOAD_HIGH, self.load_percent)

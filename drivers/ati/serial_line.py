@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.ati.controller_line import ControllerLine
-from drivers.ati.resolved import HIGH_PERCENT, RATED_PERCENT, Resolved, Scale
+from drivers.ati.resolved import Resolved, Scale
 from drivers.tally import Tally
 from hal import options
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
@@ -90,10 +90,7 @@ class AtiSerial:
         if self._error:
             tally.report(tick, readings, Trouble.SENSOR_STATUS, self._error)
             return INVALID
-        if self._scale.load_percent >= RATED_PERCENT:
-            tally.report(tick, readings, Trouble.LOAD_OVER_RATED, self._scale.load_percent)
-        elif self._scale.load_percent >= HIGH_PERCENT:
-            tally.report(tick, readings, Trouble.LOAD_HIGH, self._scale.load_percent)
+        self._scale.report_load(tick, readings, tally)
         return VALID
 
     def write(self, tick: int, demand: Demand) -> None:

@@ -18,8 +18,8 @@ from drivers.cim.pairs import Pairs
 from drivers.cim.recording import Recorder
 from drivers.cim.sample import Refusal, Sample
 from drivers.cim.stream import Verdict
-from drivers.seams import UdpSocket
 from hal.errors import RtctlError
+from hal.sockets import UdpSocket
 
 PAUSE_S = 0.002
 WRAP = 1 << 32

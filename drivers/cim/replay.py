@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.cim import recording
-from drivers.seams import UdpSocket
 from hal.errors import RtctlError
+from hal.sockets import UdpSocket
 
 EXAMPLES = """examples:
   to a controller on this machine whose device "cim" has peer = "127.0.0.1:49301":

@@ -6,13 +6,14 @@ is injected into a copy of that very moment. What comes out is exact: the same s
 
 import multiprocessing
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hal.errors import RtctlError
 from rtctl.gateway.events import Event, Watcher
+from rtctl.hil.insertion import in_lockstep
 from rtctl.lifecycle import Motion, Operating
 from rtctl.lockstep import Lockstep
 from rtctl.settings import Settings, from_table, table_of
@@ -106,11 +107,6 @@ DRIVES = (
 )
 
 
-def on_cards(settings: Settings) -> Settings:
-    """The devices of the settings, in lockstep."""
-    return replace(settings, backend=replace(settings.backend, name="rig"))
-
-
 def with_net_ft(settings: Settings) -> Settings:
     """A Net F/T instead of the transducer on a card."""
     sensor = {"kind": "ati_net_ft", "name": "force_sensor", "counts_per_force": 1e6, "counts_per_torque": 1e6, "force_unit": "N", "torque_unit": "N-mm"}  # fmt: skip
@@ -133,7 +129,7 @@ def with_drives(settings: Settings) -> Settings:
     return _other_devices(settings, [bus, *(e for e in _devices(settings) if e["name"] not in gone)])
 
 
-SETS = ((on_cards, CARDS), (with_net_ft, NET_FT), (with_drives, DRIVES))
+SETS = ((in_lockstep, CARDS), (with_net_ft, NET_FT), (with_drives, DRIVES))
 """Devices and what can break of them."""
 
 
@@ -243,6 +239,6 @@ def _devices(settings: Settings) -> list[Mapping[str, Any]]:
 
 
 def _other_devices(settings: Settings, devices: list[Mapping[str, Any]]) -> Settings:
-    table = table_of(on_cards(settings))
+    table = table_of(in_lockstep(settings))
     table["backend"]["options"] = {**table["backend"]["options"], "devices": [dict(e) for e in devices]}
     return from_table(table)

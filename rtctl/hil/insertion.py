@@ -1,8 +1,15 @@
-"""The insertion of the settings on the plant itself: what the bench is measured by."""
+"""The settings of a bench made into others: in lockstep, and on the plant itself, which is what it is measured by."""
+
+from dataclasses import replace
 
 from rtctl.recording import Recording
 from rtctl.settings import Settings, from_table, table_of
 from rtctl.simulation import simulate
+
+
+def in_lockstep(settings: Settings) -> Settings:
+    """The same drivers and emulators in one process, without a clock: the backend "rig"."""
+    return replace(settings, backend=replace(settings.backend, name="rig"))
 
 
 def plant_settings(settings: Settings) -> Settings:

@@ -5,7 +5,6 @@ import selectors
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
@@ -13,6 +12,7 @@ from typing import IO, Any, Self
 from hal import emulator as emulators
 from hal.backend import load
 from hal.errors import BackendError, OptionError
+from rtctl.hil.insertion import in_lockstep
 from rtctl.settings import Settings
 from rtctl.warmup import warm_up_apart
 
@@ -36,11 +36,6 @@ def rig_settings(settings: Settings, seed: int) -> dict[str, Any]:
         "place": place or "bench", "period_s": settings.loop.period_s, "seed": seed, "axes": backend.axes,
         "devices": list(options["devices"]), "rig": options.get("rig", {}),
     }  # fmt: skip
-
-
-def in_lockstep(settings: Settings) -> Settings:
-    """The same drivers and emulators in one process, without a clock: the backend "rig"."""
-    return replace(settings, backend=replace(settings.backend, name="rig"))
 
 
 def parts(told: dict[str, Any]) -> list[str]:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from drivers.ati import rdt
 from drivers.ati.net_ft import AtiNetFt
-from drivers.seams import UdpSocket
 from hal.errors import BackendError, OptionError
 from hal.frames import FROZEN, INVALID, SATURATED, VALID
+from hal.sockets import UdpSocket
 from hal.troubles import Trouble
 from sim_backends.emulators.ati_net_ft import EmulatedNetFt
 

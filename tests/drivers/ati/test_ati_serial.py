@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from drivers.ati.controller_line import Garbled, parse
 from drivers.ati.serial_line import AtiSerial
-from drivers.seams import SerialPort
 from hal.errors import BackendError, OptionError
 from hal.frames import INVALID, VALID
+from hal.sockets import SerialPort
 from hal.troubles import Trouble
 from sim_backends.emulators.ati_serial import EmulatedAtiSerial
 
