@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast, overload
@@ -165,7 +165,7 @@ def compiled_here() -> list[str]:
 
 def _imports(file: Path) -> list[Path]:
     names = []
-    for node in ast.walk(ast.parse(file.read_text())):
+    for node in _statements(ast.parse(file.read_text()).body):
         if isinstance(node, ast.ImportFrom) and node.module:
             names += [node.module, *(f"{node.module}.{a.name}" for a in node.names)]
         elif isinstance(node, ast.Import):
@@ -176,3 +176,11 @@ def _imports(file: Path) -> list[Path]:
             stem = ROOT / name.replace(".", "/")
             paths += [p for p in (stem.with_suffix(".py"), stem / "__init__.py") if p.is_file()]
     return paths
+
+
+def _statements(body: Iterable[Any]) -> Iterator[ast.stmt]:
+    """Every statement, at any depth. Imports are statements, and skipping expressions takes a fifth of the time."""
+    for node in body:
+        yield node
+        for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from _statements(getattr(node, field, ()))
