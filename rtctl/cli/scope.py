@@ -4,7 +4,7 @@ import contextlib
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -110,7 +110,7 @@ def _trigger(expression: str, edge: str, event: str, fault: bool, manual: bool) 
     return FAULT if fault else Manual() if manual else Free()
 
 
-def _live(setup: "Setup", robot: str, endpoint: str, timeout_s: float | None) -> "Iterator[Capture]":
+def _live(setup: "Setup", robot: str, endpoint: str, timeout_s: float | None) -> "Generator[Capture, None, None]":
     """Captures of a running controller, as they come; fewer than asked for if one takes too long."""
     from msgspec.structs import asdict
 
@@ -150,7 +150,7 @@ def _next(scope: "RemoteScope", timeout_s: float | None) -> "Capture":
                 raise
 
 
-def _logged(setup: "Setup", run: Path) -> "Iterator[Capture]":
+def _logged(setup: "Setup", run: Path) -> "Generator[Capture, None, None]":
     """Captures of the log of a run."""
     from rtctl.log.reader import open_many
     from rtctl.recording import logs_in

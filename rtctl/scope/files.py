@@ -52,7 +52,7 @@ def save(captures: Sequence[Capture], path: str | Path) -> None:
             with file.open("xb") as binary:
                 np.save(binary, rows)
         else:
-            _save_csv(file, rows, np.concatenate([c.time_s for c in captures]))
+            _save_csv(file, rows, np.concatenate([c.time_s for c in captures]).round(9))
     except OSError as error:
         raise LogError("cannot write the captures", value=f"{file}: {error.strerror}") from error
 

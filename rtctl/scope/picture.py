@@ -1,4 +1,4 @@
-"""A picture of captures: one plot for every unit, all captures over each other, the trigger at zero."""
+"""A picture of captures: one plot for every unit, all captures over each other, the trigger at zero, gaps shaded."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hal.signals import Signal
-from rtctl.report.style import BLUE, GREEN, GREY, ORANGE, RED, VIOLET, legend_above, picture, save, thin
+from rtctl.report.style import BAND, BLUE, GREEN, GREY, ORANGE, RED, VIOLET, legend_above, picture, save
 from rtctl.scope.capture import Capture
 
 COLOURS = (BLUE, ORANGE, GREEN, VIOLET, RED)
@@ -32,10 +32,14 @@ def draw(captures: Sequence[Capture], path: str | Path) -> None:
             for number, (s, k) in enumerate(curves):
                 label = s.name if k is None else f"{s.name}[{k}]"
                 for capture in captures:
-                    shown, values = thin(capture.rows), capture[s.name] if k is None else capture[s.name][:, k]
+                    values = capture[s.name] if k is None else capture[s.name][:, k]
                     colour = COLOURS[number % len(COLOURS)]
-                    axes.plot(capture.time_s[shown], values[shown], color=colour, linewidth=1.1, label=label)
+                    axes.plot(capture.time_s, values, color=colour, linewidth=1.1, label=label)
                     label = ""
+            for capture in captures:
+                time_s, gap = capture.time_s, np.flatnonzero(capture["missed"] + capture["lost"])
+                for i in gap:
+                    axes.axvspan(time_s[i - 1], time_s[i], color=BAND)
             axes.axvline(0.0, color=GREY, linewidth=0.9, linestyle=":")
             axes.set_ylabel(unit)
             legend_above(axes, 3)

@@ -1,7 +1,7 @@
 """What a scope is asked to do: signals, trigger, and how much to keep around it."""
 
 import re
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -11,7 +11,6 @@ from hal.errors import RtctlError
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Slope = Literal["rising", "falling", "either"]
-SLOPES: tuple[str, ...] = get_args(Slope)
 
 
 class ScopeError(RtctlError):
@@ -114,20 +113,20 @@ def parse_trigger(text: str, edge: str = "") -> Level | Edge:
     """The trigger of ``'force_axial_n < -0.05'``: the level itself, or the edge at it if `edge` names a slope.
 
     Raises:
-        ScopeError: not of this form, no number, or an edge that leads away from the level.
+        ScopeError: not of this form, no finite number, or an edge that leads away from the level.
     """
     match = EXPRESSION.fullmatch(text)
     try:
         if match is None:
             raise ValueError
-        signal, side, level = match[1], match[2], float(match[3])
-    except ValueError:
+        side, where = match[2], {"signal": match[1], "level": float(match[3])}
+        if not edge:
+            return msgspec.convert({"kind": "level", "side": side, **where}, Level)
+        allowed = ("rising" if side == ">" else "falling", "either")
+        if edge in allowed:
+            return msgspec.convert({"kind": "edge", "slope": edge, **where}, Edge)
+    except ValueError:  # msgspec's is one, too
         remedy = "write SIGNAL < NUMBER or SIGNAL > NUMBER, as in 'force_axial_n < -0.05'"
         raise ScopeError("not a trigger", value=text, remedy=remedy) from None
-    if not edge:
-        return msgspec.convert({"kind": "level", "signal": signal, "side": side, "level": level}, Level)
-    allowed = ("rising" if side == ">" else "falling", "either")
-    if edge not in allowed:
-        remedy = "a falling edge ends below its level (<), a rising one above it (>)"
-        raise ScopeError(f"no such edge at {text.strip()!r}", value=edge, bound=" | ".join(allowed), remedy=remedy)
-    return msgspec.convert({"kind": "edge", "signal": signal, "level": level, "slope": edge}, Edge)
+    remedy = "a falling edge ends below its level (<), a rising one above it (>)"
+    raise ScopeError(f"no such edge at {text.strip()!r}", value=edge, bound=" | ".join(allowed), remedy=remedy)
