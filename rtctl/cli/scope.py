@@ -85,7 +85,7 @@ def scope(
         raise
     _keep(found, to, plot)
     if len(found) < captures:
-        say_error(f"{len(found)} of {captures} captures: the trigger, {setup.trigger}, did not come more often")
+        say_error(f"{len(found)} of {captures} captures of {setup.trigger}")
         return Exit.FAILED
     return Exit.OK
 

@@ -95,7 +95,7 @@ class RemoteScope:
         """
         with self._news:
             if not self._news.wait_for(lambda: self._fetched or self._error or self._ending.is_set(), timeout_s):
-                text = f"no capture: the scope is {self.progress.state}, its trigger is {self.setup.trigger}"
+                text = f"no capture: the scope is {self.progress.state}, for {self.setup.trigger}"
                 raise NoCapture(text, bound=f"within {timeout_s:g} s", remedy="wait longer, or force it")
             if self._fetched:
                 return self._fetched.popleft()

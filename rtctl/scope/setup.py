@@ -23,14 +23,14 @@ class Free(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
     """Captures at once."""
 
     def __str__(self) -> str:
-        return "nothing: it captures at once"
+        return "nothing"
 
 
 class Manual(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="manual"):
     """Waits to be forced."""
 
     def __str__(self) -> str:
-        return "you"
+        return "a manual trigger"
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="level"):
