@@ -144,10 +144,10 @@ def _next(scope: "RemoteScope", timeout_s: float | None) -> "Capture":
             told = state
             remark("scope: " + STATES[state].format(setup=scope.setup, filled=filled))
         try:
-            return scope.wait(max(0.0, min(POLL_S, until - time.monotonic())))
-        except NoCapture:
+            return scope.wait(POLL_S)
+        except NoCapture as error:
             if time.monotonic() >= until:
-                raise
+                raise NoCapture(error.what, bound=f"within {timeout_s:g} s", remedy=error.remedy) from None
 
 
 def _logged(setup: "Setup", run: Path) -> "Generator[Capture, None, None]":

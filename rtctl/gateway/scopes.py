@@ -1,7 +1,7 @@
 """The scopes of clients: a bounded number of them, each of a bounded size, none longer than its client lives.
 
-The thread that drains feeds them; requests come from a worker. Both hold the lock for no longer than a scope takes to
-look at one batch of rows.
+The thread that drains feeds them, some rows at a time: a scope has the same work with one row as with fifty. Requests
+come from a worker. Both hold the lock for no longer than the scopes take to look at one batch.
 """
 
 import logging
@@ -9,7 +9,7 @@ import secrets
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -30,7 +30,11 @@ CAPTURE_BYTES = 8 * 1024 * 1024
 """What a capture may take, and once more what finished captures of a scope may take until they are fetched."""
 PIECE_BYTES = 128 * 1024
 """A reply carries no more, so that no other reply waits long behind it."""
+BATCH_S, BATCH_ROWS = 0.05, 256
+"""Rows are collected so long, or until there are so many."""
 REMEDY = "open a new one; it dies when its client is silent, and with the gateway"
+
+NOTHING = np.zeros(0)
 
 log = logging.getLogger(__name__)
 
@@ -43,11 +47,6 @@ class _Open:
     seen: int = 0
     """captures its client has"""
     failure: str = ""
-    pairing: Pairing = field(default_factory=Pairing)
-
-    def feed(self, records: np.ndarray, truths: np.ndarray) -> None:
-        rows = self.pairing.pair(records, truths) if self.scope.needs_truth else Rows(records)
-        self.scope.feed(rows)
 
 
 class Scopes:
@@ -56,6 +55,9 @@ class Scopes:
     def __init__(self, tables: Mapping[str, Table]) -> None:
         self._tables = tables
         self._open: dict[str, _Open] = {}
+        self._batch: tuple[list[np.ndarray], list[np.ndarray]] = [], []
+        self._rows, self._since_s = 0, 0.0
+        self._pairing = Pairing()
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
@@ -67,11 +69,16 @@ class Scopes:
             return
         now_s = time.monotonic()
         with self._lock:
-            for token, entry in list(self._open.items()):
-                if now_s - entry.heard_s > SILENT_S:
-                    del self._open[token]
-                elif not entry.failure:
-                    self._attempt(entry, records, truths)
+            for collected, rows in zip(self._batch, (records, truths), strict=True):
+                if len(rows):
+                    collected.append(rows.copy())
+                    self._rows += len(rows)
+            if self._rows >= BATCH_ROWS or now_s - self._since_s >= BATCH_S:
+                self._since_s = now_s
+                self._look()
+                for token, entry in list(self._open.items()):
+                    if now_s - entry.heard_s > SILENT_S:
+                        del self._open[token]
 
     def answer(self, name: str, request: Request) -> tuple[Reply, bytes]:
         """Handle a request on one of the keys ``scope/...``; the bytes are those of a capture.
@@ -97,6 +104,7 @@ class Scopes:
             if name == "scope/close":
                 del self._open[request.scope]
             elif name == "scope/force":
+                self._look()  # what was collected was before
                 entry.scope.force()
             elif name == "scope/read":
                 return _piece(entry, request.offset)
@@ -109,6 +117,7 @@ class Scopes:
             raise from_error("invalid_scope", error) from None
         token = secrets.token_hex(16)
         with self._lock:
+            self._look()
             if len(self._open) >= SCOPES:
                 owners = ", ".join(sorted({entry.owner for entry in self._open.values()}))
                 text = f"there are too many scopes already, of {owners}"
@@ -116,9 +125,21 @@ class Scopes:
             entry = self._open[token] = _Open(scope, request.source, time.monotonic())
             return {"scope": token, "signals": msgspec.to_builtins(scope.signals), **_state(entry)}
 
-    def _attempt(self, entry: _Open, records: np.ndarray, truths: np.ndarray) -> None:
+    def _look(self) -> None:
+        """Have all scopes look at what was collected."""
+        records, truths = (np.concatenate(part) if part else NOTHING for part in self._batch)
+        self._batch, self._rows = ([], []), 0
+        if not any(entry.scope.needs_truth for entry in self._open.values()):
+            self._pairing, paired = Pairing(), Rows(NOTHING)
+        else:
+            paired = self._pairing.pair(records, truths)
+        for entry in self._open.values():
+            if not entry.failure:
+                self._attempt(entry, paired if entry.scope.needs_truth else Rows(records))
+
+    def _attempt(self, entry: _Open, rows: Rows) -> None:
         try:
-            entry.feed(records, truths)
+            entry.scope.feed(rows)
         except Exception as error:  # a scope that breaks must not take the gateway with it: the robot would stop
             log.exception("a scope of %s failed", entry.owner)
             entry.failure = repr(error)

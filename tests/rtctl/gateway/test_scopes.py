@@ -22,6 +22,13 @@ GOOD = {"source": "a", "sequence": 1, "timestamp_ns": 10**18}
 NOTHING = np.zeros(0)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _every_row_at_once():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scopes, "BATCH_ROWS", 1)
+        yield
+
+
 def rows(first: int, count: int) -> np.ndarray:
     made = np.zeros(count, TABLES[CONTROLLER].dtype)
     made["tick"] = np.arange(first, first + count)
@@ -140,6 +147,21 @@ def test_a_scope_dies_with_its_client(monkeypatch):
     with pytest.raises(Refusal) as refused:
         ask(desk, "state", scope=silent)
     assert refused.value.reason == "no_scope"
+
+
+def test_rows_are_collected_for_a_while_and_a_forced_trigger_is_not_of_the_past(monkeypatch):
+    monkeypatch.setattr(scopes, "BATCH_ROWS", 256)
+    monkeypatch.setattr(scopes, "BATCH_S", 60.0)
+    desk = Scopes(TABLES)
+    token = begin(desk, samples=5, trigger={"kind": "manual"})
+    desk.feed(rows(0, 1), NOTHING)
+    for k in range(1, 30):
+        desk.feed(rows(k, 1), NOTHING)
+    ask(desk, "force", scope=token)
+    desk.feed(rows(30, 250), NOTHING)
+    assert ask(desk, "state", scope=token)[0].result["finished"] == 0
+    desk.feed(rows(280, 6), NOTHING)
+    assert ask(desk, "read", scope=token)[0].result["facts"]["trigger_tick"] == 30
 
 
 def test_a_scope_that_breaks_harms_nobody_else(monkeypatch):
