@@ -22,6 +22,7 @@ from rtctl.cli import (
     operate,
     parameters,
     plan,
+    scope,
     simulation,
     study,
     watching,
@@ -41,7 +42,8 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, devices, doctor, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, bench, watching, scope, devices, doctor, client, motion, operate, plan, parameters, logs,
+    configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 
