@@ -66,7 +66,7 @@ setups = st.fixed_dictionaries(
 )  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(setups)
 def test_any_setup_becomes_a_scope_or_is_refused(setup):
     desk = Scopes(TABLES)

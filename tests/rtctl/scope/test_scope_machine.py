@@ -100,7 +100,7 @@ def slow_scope(rows, setup, forced):
     return captures
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(
     streams(), st.sampled_from(TRIGGERS), st.integers(1, 12), st.integers(0, 11), st.integers(1, 3), st.integers(1, 4),
     st.booleans(), st.sets(st.integers(0, 60)), st.sets(st.integers(0, 60), max_size=3),
