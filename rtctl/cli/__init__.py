@@ -21,6 +21,7 @@ from rtctl.cli import (
     operate,
     parameters,
     plan,
+    replays,
     simulation,
     study,
     watching,
@@ -40,7 +41,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, devices, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, bench, watching, devices, client, motion, operate, plan, parameters, logs, replays, configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 
