@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -95,12 +96,10 @@ def set_differently(one: Log, other: Log) -> dict[str, tuple[Any, Any]]:
         facts |= {f"settings {k}": v for k, v in _flat(log.settings_table())}
         for entry in log.parameters:
             facts |= {f"parameters {entry['number']} {k}": v for k, v in _flat(entry.get("changed", {}))}
-        facts["plans"] = [entry["record_base64"] for entry in log.plans if "record_base64" in entry]
+        plans = [entry["record_base64"] for entry in log.plans if "record_base64" in entry]
+        facts["plans"] = f"{len(plans)}, bytes {crc32(''.join(plans).encode()):08x}"
     names = list({**found[0], **found[1]})
-    differing = {n: (found[0].get(n), found[1].get(n)) for n in names if found[0].get(n) != found[1].get(n)}
-    if "plans" in differing:
-        differing["plans"] = tuple(f"{len(plans)}, of other bytes" for plans in differing["plans"])
-    return differing
+    return {n: (found[0].get(n), found[1].get(n)) for n in names if found[0].get(n) != found[1].get(n)}
 
 
 def _header(log: Log, names: tuple[str, ...]) -> Iterator[tuple[str, Any]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rtctl.cli.console import output, say
+from rtctl.cli.console import output, remark, say
 from rtctl.cli.exit_codes import Exit
 from rtctl.cli.options import JSON
 
@@ -30,7 +30,9 @@ RUN = Annotated[Path, typer.Argument(help="MCAP file of a run, or its folder.")]
 def compare(
     one: RUN,
     other: RUN,
-    by: Annotated[By, typer.Option(help="Align by tick or by depth of insertion; by depth where both have one.")] = By.AUTO,  # fmt: skip
+    by: Annotated[
+        By, typer.Option(help="Align by tick or by depth of insertion; by depth where both have one.")
+    ] = By.AUTO,  # fmt: skip
     json: JSON = False,
     picture: Annotated[
         Path | None, typer.Option(help="Draw the signals that differ most to this file, PNG or SVG.", dir_okay=False)
@@ -65,7 +67,7 @@ def compare(
         from rtctl.report.compared import draw
 
         draw(a, b, by.value, (str(one), str(other)), picture)
-        say(f"picture: {picture}")
+        remark(f"picture: {picture}")
     return Exit.DATA if bad else Exit.OK
 
 

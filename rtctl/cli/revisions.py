@@ -88,5 +88,7 @@ def _plain(found: "Comparison") -> dict[str, Any]:
     table = asdict(found)
     del table["row"]
     for growth in table["growth"]:  # JSON has no infinity
-        growth["largest"] = {n: v if v is None or v != float("inf") else "infinite" for n, v in growth["largest"].items()}
+        growth["largest"] = {
+            n: v if v is None or v != float("inf") else "infinite" for n, v in growth["largest"].items()
+        }
     return table

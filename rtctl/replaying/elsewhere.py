@@ -33,7 +33,9 @@ def main(folder: Path) -> None:
     from rtctl.settings import Settings, from_table
 
     if not Path(kernel.__file__).is_relative_to(job["revision_folder"]):
-        raise Unreadable(f"the interpreter finds rtctl in {Path(kernel.__file__).parents[1]}, not in the other revision")
+        raise Unreadable(
+            f"the interpreter finds rtctl in {Path(kernel.__file__).parents[1]}, not in the other revision"
+        )
     table = known(Settings, job["settings"], job["chosen"])
     controller = Controller(from_table(table))
     staged = {

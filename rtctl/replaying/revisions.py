@@ -44,6 +44,8 @@ class Revisions:
 
     clone: Path
     folder: Path
+    cache: Path
+    """where their kernels are compiled to"""
     _folders: dict[str, Path] = field(default_factory=dict)
 
     def resolve(self, name: str) -> str:
@@ -83,7 +85,7 @@ class Revisions:
             work = Path(place)
             (work / "job.json").write_text(json.dumps(job))
             np.save(work / "rows.npy", whole_rows(log)[:ticks])
-            environment = os.environ | {"PYTHONPATH": str(folder), "RTCTL_CACHE_DIR": str(self.folder / "cache")}
+            environment = os.environ | {"PYTHONPATH": str(folder), "RTCTL_CACHE_DIR": str(self.cache)}
             command = [sys.executable, "-P", str(ELSEWHERE), str(work)]
             done = subprocess.run(command, cwd=work, env=environment, capture_output=True, text=True, check=False)
             if done.returncode != 0:
@@ -120,7 +122,7 @@ def revisions(clone: Path = ROOT) -> Iterator[Revisions]:
     if not (clone / ".git").exists():
         raise RevisionError("rtctl does not run from a git clone, so there are no other revisions", value=str(clone), remedy="clone the repository, `make`, and use its .venv/bin/rtctl")  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="rtctl-revisions-") as folder:
-        found = Revisions(clone, Path(folder))
+        found = Revisions(clone, Path(folder), Path(folder, "cache"))
         try:
             yield found
         except FileNotFoundError as error:

@@ -7,7 +7,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "wrench": ("wrench_in_base", "force_axial_n", "force_lateral_n", "is_unbiased"),
     "guidance": (
         "detector_samples", "predicted_force_n", "fold_decision", "fold_bound", "buckling_integral", "buckling_bound",
-        "detector_flags", "impedance_jacobian_norm", "impedance_step_mm", "impedance_offset_mm", "impedance_phase",
+        "detector_flags", "impedance_usable", "impedance_jacobian_norm", "impedance_step_mm", "impedance_offset_mm", "impedance_phase",
     ),
     "decision": (
         "command_verdict", "reason_value", "reason_bound", "parameter_set", "plan_number", "operating_state",

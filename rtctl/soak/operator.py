@@ -112,7 +112,8 @@ class RandomOperator:
         if verb is Verb.LOAD_PLAN:
             self._ask("plan", client.plan)
         elif verb in RECOVERY.values() or not record["is_busy"]:
-            arguments = {Verb.INSERT: (6.0, 2.0), Verb.RETRACT: (0.0, 3.0), Verb.MOVE_CP: entry}.get(verb, ())
+            known = {Verb.INSERT: [6.0, 2.0], Verb.RETRACT: [0.0, 3.0], Verb.MOVE_CP: entry.tolist()}
+            arguments: list[float] = known.get(verb, [])
             self._ask(verb.name.lower(), client.command, verb, *arguments)
 
     def _pose(self) -> list[float]:

@@ -92,7 +92,10 @@ class Storm:
             content |= {"names": ["loop.period_s"]} if name == "param/get" else {}
         elif kind < 0.6:
             name = draw.choice(list(REQUESTS))  # without the lease; its payload fits or does not
-            content |= {"lease": draw.choice(["", "0" * 32]), "arguments": [draw.uniform(-1e3, 1e3)] * draw.randrange(9)}
+            content |= {
+                "lease": draw.choice(["", "0" * 32]),
+                "arguments": [draw.uniform(-1e3, 1e3)] * draw.randrange(9),
+            }
             content |= {"valid_for_s": draw.choice([0.5, 0.0, -1.0, 1e9])} if name in ("stop", "lease/acquire") else {}
         elif kind < 0.65:
             name = "/".join("".join(draw.choices("abcdefghij-", k=draw.randrange(1, 9))) for _ in range(draw.randrange(1, 4)))  # fmt: skip

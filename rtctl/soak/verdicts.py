@@ -41,7 +41,9 @@ def _records(noted: Noted, recorded: Recorded) -> Iterator[Verdict]:
     counted = max(r.told_lost, int(noted.status.get("lost_records", 0)))
     yield Verdict("no record is lost uncounted", r.rows > 0 and r.missing == counted and r.rows + counted == r.ticks, f"{r.rows} rows + {counted} counted as lost = {r.ticks} ticks; {r.missed} grid points were skipped")  # fmt: skip
     yield Verdict("every log is whole", r.cut_short <= len(noted.outages) and r.last_is_whole, f"{r.files} files, {r.cut_short} cut short by {len(noted.outages)} kills")  # fmt: skip
-    why = r.replay_error or (f"differs in tick {r.difference.tick}, signal {r.difference.field}" if r.difference else "")
+    why = r.replay_error or (
+        f"differs in tick {r.difference.tick}, signal {r.difference.field}" if r.difference else ""
+    )
     yield Verdict("the replay is identical to the bit", not why and r.replayed == r.rows, why or f"{r.replayed} ticks")
 
 
