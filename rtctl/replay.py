@@ -16,8 +16,10 @@ from rtctl.commands import Reason, Verb
 from rtctl.controller import Controller
 from rtctl.log.hashing import check_hashes
 from rtctl.log.reader import Log, open_many
+from rtctl.parameters import pack
 from rtctl.record import INPUTS
 from rtctl.replaying.difference import Difference, compared, first_difference
+from rtctl.replaying.elsewhere import with_values
 from rtctl.settings import from_table
 from rtctl.tick import tick as run_tick
 
@@ -58,7 +60,8 @@ def run(paths: Iterable[str | Path]) -> Replay:
     """
     log = open_many(paths)
     rows = whole_rows(log)
-    replayed = rerun(Controller(from_table(log.settings_table())), rows, staged_in(log))
+    controller = Controller(from_table(log.settings_table()))
+    replayed = rerun(controller, rows, staged_in(log, controller))
     difference = first_difference(rows, replayed)
     if difference is None and check_hashes(rows, log.hashes):
         raise RtctlError("the log's own hashes do not fit its rows", remedy="the file was changed after it was written")
@@ -87,9 +90,16 @@ def rerun(controller: Controller, rows: np.ndarray, staged: Staged) -> np.ndarra
     return replayed
 
 
-def staged_in(log: Log) -> Staged:
-    """The plans and parameter sets of a log, bit for bit."""
-    return {"staged_plan": _payloads(log.plans), "staged_parameters": _payloads(log.parameters)}
+def staged_in(log: Log, controller: Controller) -> Staged:
+    """The plans and parameter sets of a log, bit for bit; sets of another layout are packed anew from their values."""
+    sets = _payloads(log.parameters)
+    size = controller.memory["staged_parameters"].dtype.itemsize
+    for message in log.parameters:
+        number = int(message["number"])
+        if len(sets[number]) != size and "values" in message:
+            settings = from_table(with_values(log.settings_table(), message["values"]))
+            sets[number] = pack(settings, controller.robot, number).tobytes()
+    return {"staged_plan": _payloads(log.plans), "staged_parameters": sets}
 
 
 @kernel

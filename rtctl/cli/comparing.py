@@ -11,8 +11,6 @@ from rtctl.cli.exit_codes import Exit
 from rtctl.cli.options import JSON
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from rtctl.comparison import Line
 
 
@@ -32,7 +30,7 @@ def compare(
     other: RUN,
     by: Annotated[
         By, typer.Option(help="Align by tick or by depth of insertion; by depth where both have one.")
-    ] = By.AUTO,  # fmt: skip
+    ] = By.AUTO,
     json: JSON = False,
     picture: Annotated[
         Path | None, typer.Option(help="Draw the signals that differ most to this file, PNG or SVG.", dir_okay=False)

@@ -46,7 +46,8 @@ class Comparison:
 
 def here(log: Log, ticks: int | None = None) -> np.ndarray:
     """What the code at hand makes of the inputs, in its own layout (n,)."""
-    return rerun(Controller(from_table(log.settings_table())), whole_rows(log)[:ticks], staged_in(log))
+    controller = Controller(from_table(log.settings_table()))
+    return rerun(controller, whole_rows(log)[:ticks], staged_in(log, controller))
 
 
 def compare(one: np.ndarray, other: np.ndarray) -> Comparison:

@@ -56,6 +56,6 @@ def condense(paths: Iterable[str | Path], target: Path) -> int:
     with LogWriter(target, {CONTROLLER: table}, log.header, chunk_bytes=CHUNK_BYTES, message_index=False) as writer:
         for topic, documents in ((PARAMETERS, log.parameters), (PLANS, log.plans)):
             for d in documents:
-                writer.write_json(topic, 0, {k: d[k] for k in ("number", "record_base64")})
+                writer.write_json(topic, 0, {k: d[k] for k in ("number", "values", "record_base64") if k in d})
         writer.write_rows(CONTROLLER, golden)
     return target.stat().st_size

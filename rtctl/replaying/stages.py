@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 STAGES: dict[str, tuple[str, ...]] = {
-    "pose": ("kinematic_iterations", "pose_measured", "joint_measured", "stylet_measured_mm"),
+    "pose": ("pose_measured", "joint_measured", "stylet_measured_mm", "kinematic_iterations"),
     "wrench": ("wrench_in_base", "force_axial_n", "force_lateral_n", "is_unbiased"),
     "guidance": (
         "detector_samples", "predicted_force_n", "fold_decision", "fold_bound", "buckling_integral", "buckling_bound",

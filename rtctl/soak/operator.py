@@ -17,6 +17,8 @@ from rtctl.lifecycle import Operating, Task
 from rtctl.settings import Settings
 
 RETRY_S = 0.1
+TIMEOUT_S = 5.0
+"""Beside a storm an answer may take two seconds."""
 LONGEST_REST_S = 0.3
 NEAR = 0.2
 """Of a pose [mm, rad]: good enough to register the entry there."""
@@ -61,7 +63,7 @@ class RandomOperator:
         if self._client is None:
             gateway = self._settings.gateway
             try:
-                self._client = Client(self._settings.robot.name, gateway.endpoint, "soak", user=gateway.user, password=gateway.password)  # fmt: skip
+                self._client = Client(self._settings.robot.name, gateway.endpoint, "soak", TIMEOUT_S, user=gateway.user, password=gateway.password)  # fmt: skip
             except NoReply:
                 time.sleep(RETRY_S)
         return self._client is not None

@@ -110,7 +110,7 @@ class _Replay:
             return
         try:
             self._controller = self._controller or Controller(from_table(log.settings_table()))
-            for name, payloads in staged_in(log).items():
+            for name, payloads in staged_in(log, self._controller).items():
                 self._staged[name] |= payloads
             self.difference = first_difference(rows, rerun(self._controller, rows, self._staged))
         except RtctlError as error:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rtctl import parameters
 from rtctl.commands import Reason, Verb
 from rtctl.electrode.robot_path import pack
 from rtctl.exchange.control import Grade
@@ -19,8 +20,9 @@ from rtctl.guidance.impedance.layout import PAIRS
 from rtctl.lifecycle import Operating, Task
 from rtctl.lockstep import Lockstep
 from rtctl.log.format import PARAMETERS, PLANS
+from rtctl.replaying.elsewhere import with_values
 from rtctl.replaying.golden import condense
-from rtctl.settings import load
+from rtctl.settings import from_table, load, table_of
 from rtctl.simulation import Recorder
 
 FOLDER = Path(__file__).resolve().parent
@@ -70,8 +72,8 @@ class Run:
         self.do(Verb.HOME)
         self.until(lambda r: bool(r["is_homed"]) and not r["is_busy"])
 
-    def stage(self, topic: str, name: str, verb: Verb, record: np.ndarray) -> None:
-        self.recorder.document(topic, 0, {"number": int(record["number"][0])}, record)
+    def stage(self, topic: str, name: str, verb: Verb, record: np.ndarray, **content: object) -> None:
+        self.recorder.document(topic, 0, {"number": int(record["number"][0]), **content}, record)
         self.memory[name] = record
         self.do(verb, float(record["number"][0]))
 
@@ -118,9 +120,10 @@ def operation(run: Run) -> None:
     run.do(Verb.INSERT, 1.0, 1.0, verdict=Reason.NO_PLAN)
     run.do(Verb.MOVE_CP, *START)
     run.lockstep.advance(40)
-    changed = run.memory["parameters"].copy()
-    changed["number"], changed["integral"], changed["backlash_rad"] = 2, 55.0, 1.7
-    run.stage(PARAMETERS, "staged_parameters", Verb.SET_PARAMETERS, changed)
+    values = {"control.integral_v_per_rad_s": [55.0] * 4, "control.backlash_rad": [1.7, 1.7, 1.7, 0.0]}
+    settings = from_table(with_values(table_of(run.settings), values))
+    record = parameters.pack(settings, run.lockstep.controller.robot, 2)
+    run.stage(PARAMETERS, "staged_parameters", Verb.SET_PARAMETERS, record, values=values)
     run.rest()
     for k in range(12):
         run.do(Verb.SERVO_CV, 2.0, 1.0 - 0.2 * k, 0.01)

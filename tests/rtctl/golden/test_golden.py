@@ -3,6 +3,7 @@
 If a change of the controller is meant to change its outputs: `make golden`, and say in the commit why they changed.
 """
 
+import base64
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +25,14 @@ LOGS = sorted(FOLDER.glob("*.mcap"))
 LARGEST_BYTES = 100_000
 
 
-def replayed(name, change=lambda table: None):
+def replayed(name, change=lambda _table: None):
     """Rows of a golden log, and what a controller makes of them with settings changed by `change`."""
     log = Log.open(FOLDER / f"{name}.mcap")
     table = log.settings_table()
     change(table)
     rows = replay.whole_rows(log)
-    return rows, replay.rerun(Controller(from_table(table)), rows, replay.staged_in(log))
+    controller = Controller(from_table(table))
+    return rows, replay.rerun(controller, rows, replay.staged_in(log, controller))
 
 
 @pytest.mark.parametrize("log", LOGS, ids=lambda p: p.stem)
@@ -92,7 +94,20 @@ def test_they_stay_useful_when_the_record_grows():
     assert set(compared(older.dtype, other.dtype)[1]) == {"reason_bound", "fault_cause"}
     log = Log.open(FOLDER / "operation.mcap")
     controller = Controller(from_table(log.settings_table()))
-    assert replay.rerun(controller, older, replay.staged_in(log)).tobytes() == other.tobytes()
+    assert replay.rerun(controller, older, replay.staged_in(log, controller)).tobytes() == other.tobytes()
+
+
+def test_a_parameter_set_of_another_layout_is_packed_from_its_values():
+    log = Log.open(FOLDER / "operation.mcap")
+    controller = Controller(from_table(log.settings_table()))
+    whole = replay.staged_in(log, controller)["staged_parameters"]
+    for message in log.parameters:
+        message["record_base64"] = base64.b64encode(b"12345678").decode()
+    assert replay.staged_in(log, controller)["staged_parameters"] == whole
+    for message in log.parameters:
+        del message["values"]
+    with pytest.raises(RtctlError, match="parameters in the log is of another version"):
+        replay.rerun(controller, log.controller, replay.staged_in(log, controller))
 
 
 def test_an_input_that_is_not_there_is_not_made_up():
@@ -100,7 +115,7 @@ def test_an_input_that_is_not_there_is_not_made_up():
     log = Log.open(FOLDER / "operation.mcap")
     controller = Controller(from_table(log.settings_table()))
     with pytest.raises(RtctlError, match=r"lacks inputs.*powered"):
-        replay.rerun(controller, without(rows, "powered"), replay.staged_in(log))
+        replay.rerun(controller, without(rows, "powered"), replay.staged_in(log, controller))
 
 
 def test_every_output_has_a_fingerprint():

@@ -98,7 +98,7 @@ def test_a_revision_from_before_rerun_is_driven_piece_by_piece(log):
     controller = Controller(from_table(log.settings_table()))
     rows = elsewhere.as_here(log.controller, controller.table.dtype)
     rows["command_verdict"] = log.controller["command_verdict"]
-    assert elsewhere.rerun(Before, controller, rows, replay.staged_in(log)).tobytes() == here(log).tobytes()
+    assert elsewhere.rerun(Before, controller, rows, replay.staged_in(log, controller)).tobytes() == here(log).tobytes()
 
 
 class Scripted(Revisions):
