@@ -95,6 +95,7 @@ class Condition(enum.IntEnum):
     DEVICE_WARNING = 27
     DEVICE_PAUSE = 28
     DEVICE_FAULT = 29
+    FORCE_DRIFT = 30
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,7 @@ TABLE: dict[Condition, Row] = {
     Condition.DEVICE_WARNING: Row(Reaction.NOTE, "a device reports a trouble", "see the table of troubles"),
     Condition.DEVICE_PAUSE: Row(Reaction.PAUSE, "a device asks for a pause", "see the table of troubles, then resume or retract"),
     Condition.DEVICE_FAULT: Row(Reaction.FAULT, "a device cannot go on", "see the table of troubles, then acknowledge"),
+    Condition.FORCE_DRIFT: Row(Reaction.NOTE, "the sensor feels {value:.3g} N with the array outside the cochlea (limit {bound:.3g})", "see that nothing touches the array; then the gauges have drifted: run `rtctl unbias`"),
 }  # fmt: skip
 DEVICE_CONDITIONS = (Condition.DEVICE_WARNING, Condition.DEVICE_PAUSE, Condition.DEVICE_FAULT)
 """Their value is the code of a :class:`hal.troubles.Trouble`, whose own row has the text; their bound its number."""
@@ -168,6 +170,7 @@ WARNINGS = (
     Condition.IMPEDANCE_SILENT,
     Condition.IMPEDANCE_UNUSABLE,
     Condition.DEVICE_WARNING,
+    Condition.FORCE_DRIFT,
 )
 """Notes that the operator should see at once."""
 RETRACTION_MASK = PAUSE_MASK & ~sum(1 << c for c in NEVER_BLOCK_RETRACTION)

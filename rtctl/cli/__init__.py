@@ -16,6 +16,7 @@ from rtctl.cli import (
     daemon,
     detector,
     devices,
+    doctor,
     logs,
     motion,
     operate,
@@ -41,7 +42,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, devices, client, motion, operate, plan, parameters, logs, replays, configuration, calibrate, detector, study,
+    daemon, simulation, bench, watching, devices, doctor, client, motion, operate, plan, parameters, logs, replays, configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 

@@ -111,6 +111,7 @@ def _as_table(settings: "Settings", noted: "Noted", found: "list[Verdict]") -> d
         "seed": noted.seed, "seconds": noted.seconds, "config_hash": config_hash(settings), "kernel_hash": kernel_hash(),
         "kept": all(v.good for v in found), "promises": [asdict(v) for v in found], "operator": noted.outcomes,
         "storms": storms, "outages": [asdict(o) for o in noted.outages],
+        "last_status": noted.status,
     }  # fmt: skip
 
 

@@ -28,7 +28,8 @@ class Recorded:
         told_lost: of those the gateways told in their events.
         cut_short: files without an end; `lost_bytes` is what none of their readers understands.
         during, outside: signal -> values (n,) [ns] of ticks in an outage and of all others.
-        replay_error: why the replay stopped.
+        replay_error: why the replay could not go on.
+        replay_ended_by_gap: records are missing, so it was not tried beyond them.
     """
 
     files: int = 0
@@ -43,6 +44,7 @@ class Recorded:
     replayed: int = 0
     difference: Difference | None = None
     replay_error: str = ""
+    replay_ended_by_gap: bool = False
     row_bytes: int = 0
     truth_bytes: int = 0
     during: dict[str, np.ndarray] = field(default_factory=dict)
@@ -86,6 +88,7 @@ def read(paths: list[Path], outages: list[Outage]) -> Recorded:
         replay.go_on(log, rows, whole=not gaps.any())
     found.ticks = last_tick + 1 - found.missed
     found.replayed, found.difference, found.replay_error = replay.ticks, replay.difference, replay.error
+    found.replay_ended_by_gap = replay.ended_by_gap
     for where, blocks in ((found.during, times[True]), (found.outside, times[False])):
         joined = np.concatenate([np.zeros((0, 2), "i4"), *blocks])
         where.update({name: joined[:, k] for k, name in enumerate(TIMES)})
@@ -98,15 +101,13 @@ class _Replay:
     def __init__(self) -> None:
         self._controller: Controller | None = None
         self._staged: Staged = {"staged_plan": {}, "staged_parameters": {}}
-        self.ticks, self.error = 0, ""
+        self.ticks, self.error, self.ended_by_gap = 0, "", False
         self.difference: Difference | None = None
 
     def go_on(self, log: Log, rows: np.ndarray, whole: bool) -> None:
         """The next rows (n,) of the run; `whole`: none are missing before or among them."""
-        if self.error or self.difference is not None:
-            return
-        if not whole:
-            self.error = f"records are missing before tick {int(rows['tick'][-1])}"
+        self.ended_by_gap |= not whole
+        if self.ended_by_gap or self.error or self.difference is not None:
             return
         try:
             self._controller = self._controller or Controller(from_table(log.settings_table()))

@@ -8,7 +8,14 @@ from rtctl.soak.verdicts import GROWTH_KIB
 
 def test_a_short_soak_keeps_its_promises(tmp_path, capsys):
     words = ["bench", "soak", "--minutes", "0.17", "--seed", "5", "--run-directory", str(tmp_path), "--json"]
-    patient = ["--set", "backend.options.watchdog_ticks=2000", "--set", "safety.overrun_ticks=1000"]
+    patient = [
+        "--set",
+        "backend.options.watchdog_ticks=2000",
+        "--set",
+        "safety.overrun_ticks=1000",
+        "--set",
+        "log.ring_rows=65536",
+    ]
     main([*words, *patient])
     told = json.loads(capsys.readouterr().out)
     broken = {p["name"]: p["figures"] for p in told["promises"] if not p["good"] and not p["timed"]}
