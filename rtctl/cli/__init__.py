@@ -22,6 +22,7 @@ from rtctl.cli import (
     operate,
     parameters,
     plan,
+    replays,
     scope,
     simulation,
     study,
@@ -42,7 +43,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, scope, devices, doctor, client, motion, operate, plan, parameters, logs,
+    daemon, simulation, bench, watching, scope, devices, doctor, client, motion, operate, plan, parameters, logs, replays,
     configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
