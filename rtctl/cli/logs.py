@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rtctl.cli.blackboxes import blackbox
 from rtctl.cli.console import grid, output, remark, say, say_error
 from rtctl.cli.exit_codes import Exit
 from rtctl.cli.options import JSON, RECORDS
@@ -22,6 +23,7 @@ def add_to(app: typer.Typer) -> None:
     group.command()(info)
     group.command()(plot)
     group.command()(recover)
+    group.command()(blackbox)
     app.add_typer(group, name="log", rich_help_panel=RECORDS)
     app.command(rich_help_panel=RECORDS)(replay)
 
@@ -36,7 +38,7 @@ def info(files: FILES, json: JSON = False) -> int:
     from rtctl.log.info import describe
     from rtctl.log.reader import open_many
 
-    log = open_many(_logs(files))
+    log = open_many(logs_of(files))
     facts = describe(log)
     if json:
         say(encoder.dumps(facts, indent=2, ensure_ascii=False, default=str))
@@ -58,7 +60,7 @@ def plot(
     from rtctl import report
     from rtctl.recording import open_recording
 
-    files = _logs(files)
+    files = logs_of(files)
     directory = to or files[0].parent / f"{files[0].stem}-report"
     report.render(open_recording(files), directory)
     say(f"report: {directory / 'report.html'}")
@@ -87,7 +89,7 @@ def replay(files: FILES) -> int:
     """
     from rtctl import replay as replays
 
-    result = replays.run(_logs(files))
+    result = replays.run(logs_of(files))
     if result.identical:
         say(f"identical: {result.ticks} ticks, {result.commands} commands")
         return Exit.OK
@@ -101,7 +103,7 @@ def replay(files: FILES) -> int:
     return Exit.DATA
 
 
-def _logs(files: list[Path]) -> list[Path]:
+def logs_of(files: list[Path]) -> list[Path]:
     """The files themselves, those of a run for its folder. Raises LogError for a folder without any."""
     from rtctl.log.reader import LogError
     from rtctl.recording import logs_in

@@ -29,6 +29,7 @@ class Kind(enum.Enum):
     LIST = enum.auto()
     LEASE = enum.auto()
     STATUS = enum.auto()
+    BLACKBOX = enum.auto()
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ REQUESTS: dict[str, Key] = {
     "lease/renew": Key(Kind.LEASE, "heartbeat of the holder", lease=False, urgent=True),
     "lease/release": Key(Kind.LEASE, "stop being the writer", lease=False, urgent=True),
     "status": Key(Kind.STATUS, "everything an operator wants to see at a glance", lease=False),
+    "blackbox": Key(Kind.BLACKBOX, "the black box of `tick`; without one, that of the last fault", lease=False),
 }
 
 FEEDBACK: dict[str, tuple[str, ...]] = {

@@ -76,6 +76,12 @@ class PlanRequest(Request, frozen=True, kw_only=True):
     """the document of a plan file, see docs/reference/files.md"""
 
 
+class BlackBoxRequest(Request, frozen=True, kw_only=True):
+    """Which black box: that of a tick an event named, or of the last fault."""
+
+    tick: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
+
+
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The answer to a request."""
 
@@ -101,6 +107,7 @@ TYPES: dict[Kind, type[Request]] = {
     Kind.LIST: Request,
     Kind.LEASE: Request,
     Kind.STATUS: Request,
+    Kind.BLACKBOX: BlackBoxRequest,
 }
 DECODERS = {kind: msgspec.json.Decoder(cls) for kind, cls in TYPES.items()}
 encode = msgspec.json.Encoder().encode
