@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hal.backend import Backend
-from hal.kernel import kernel, specialised
+from hal.kernel import Pointer, direct, kernel, specialised
 from rtctl import clock as clocks
 from rtctl import usage as usages
 from rtctl.commands import COMMAND, Verb
@@ -60,9 +60,9 @@ class Loop:
                 self.usage,
             )
             exchange = segment.control, segment.mailbox, segment.records, segment.truths, self.truth
-            hal = device.device, device.read, device.write
+            hal = device.device, Pointer(device.read), Pointer(device.write)
             self.cruise_arguments = *memory, *exchange, *hal, self.heartbeat_ticks, self.permission
-            self.cruise = specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments))
+            self.cruise = direct(specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments)))
 
     def run(self, clock: np.ndarray, ticks: int | None = None) -> None:
         """Run until somebody asks for a stop (control word STOP_REQUEST), or for `ticks` ticks; end without power."""

@@ -33,13 +33,17 @@ def bounds_ns(period_ns: int) -> tuple[int, int]:
 
 
 def over_budget(rows: np.ndarray, period_ns: int) -> np.ndarray:
-    """Which records (n,) tell of a tick over budget: too long, too late, or after grid points that were missed.
+    """Which records (n,) tell of a tick over budget: too long, too late, or after grid points missed for no such reason.
 
-    A commit that was too long is told by the record after it.
+    A commit that was too long is told by the record after it. What the first tick of a run missed is the time before
+    the loop began.
     """
     longest_ns, latest_ns = bounds_ns(period_ns)
     long = (rows["tick_ns"] > longest_ns) | (rows["stage_ns"][:, RECORD] > longest_ns)
-    return long | (rows["lateness_ns"] > latest_ns) | (rows["missed_ticks"] > 0)
+    over = long | (rows["lateness_ns"] > latest_ns)
+    missed = (rows["missed_ticks"] > 0) & (rows["missed_ticks"] < rows["tick"])
+    missed[1:] &= ~over[:-1]
+    return over | missed
 
 
 def longest_part(before: Any, row: Any, period_ns: int) -> Hold:

@@ -128,9 +128,9 @@ def _collected(case: Case) -> str:
 
 
 def _worked(case: Case) -> str:
-    if case.hold.part not in (*OF_DEVICES, "prepare") or case.row["voluntary_switches"] != USUAL_SWITCHES:
+    if case.hold.part not in MAY_SLEEP or case.row["voluntary_switches"] != USUAL_SWITCHES:
         return ""
-    who = "the driver of a device" if case.hold.part in OF_DEVICES else "the planner"
+    who = {"prepare": "the planner", BETWEEN: "the interpreter"}.get(case.hold.part, "the driver of a device")
     return f"it neither slept nor lost its core: {who} worked that long, unless the core itself stood still"
 
 
@@ -174,7 +174,7 @@ CAUSES = (
     Cause("page faults", _minor, "let the process lock its memory (LimitMEMLOCK=infinity)"),
     Cause("collected", _collected, "leave the garbage collector of the real-time process off: a driver has switched it on"),
     Cause("stolen", _stolen, "run on a machine of its own: no virtual one keeps time when its host is busy"),
-    Cause("worked", _worked, "measure that stage with `make bench`; a driver that needs so long needs a slower loop"),
+    Cause("worked", _worked, "measure that stage with `make bench`; what always needs so long needs a slower loop"),
     Cause("moved", _moved, "bind the loop to a core (loop.cpu), and allow it in the affinity it is started with", hint=True),
     Cause("interrupts", _interrupted, "keep interrupts off the loop's core (irqaffinity, `rtctl doctor`)", hint=True),
     Cause("few page faults", _few_minor, "let the process lock its memory (LimitMEMLOCK=infinity)", hint=True),

@@ -10,9 +10,7 @@ from rtctl.attribution.causes import CAUSES, Case
 from rtctl.attribution.evidence import Evidence
 from rtctl.stages import STAGES
 
-PARTS = {stage.name: stage.what for stage in STAGES} | {
-    BETWEEN: "the interpreter, between two ticks",
-}
+PARTS = {stage.name: stage.what for stage in STAGES}
 VIRTUAL = "this is a virtual machine: suspect its host"
 BARE = "on bare metal suspect SMI (hwlatdetect) or interrupts"
 
@@ -68,6 +66,8 @@ def _what(case: Case, after: int, period_ns: int) -> str:
     tail = f", {missed} grid point{'' if missed == 1 else 's'} missed" if missed else ""
     if hold.part == WAKE_UP:
         return f"tick {hold.tick} woke {_ms(hold.held_ns)} late (at most {_ms(latest_ns)}){tail}"
+    if hold.part == BETWEEN:
+        return f"after tick {hold.tick} the loop was held for {_ms(hold.held_ns)} or more{tail}"
     took = int(row["tick_ns"]) if hold.tick == row["tick"] else hold.held_ns
     return f"tick {hold.tick} took {_ms(took)} (at most {_ms(longest_ns)}), {_ms(hold.held_ns)} in {hold.part} ({PARTS[hold.part]}){tail}"
 

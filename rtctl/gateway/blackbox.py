@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from rtctl.attribution.budget import over_budget
+from rtctl.attribution.budget import longest_part, over_budget
 from rtctl.attribution.evidence import Counters, Evidence, Sighting
 from rtctl.attribution.verdict import Verdict, explain
 from rtctl.exchange.ring import RingReader, committed
@@ -28,8 +28,8 @@ STILL_S, STILL_TICKS = 0.003, 3
 """Silence of the loop after which the gateway looks at its thread: the longer of the two,"""
 LOOKS = 3
 """and so often at most."""
-BURST, EVERY_S = 10, 10.0
-"""So many black boxes in a row, then one in that time: what was left out is counted."""
+BURST, EVERY_S = 10, 5.0
+"""So many black boxes in a row, then one in that time, and one of every hold twice as long as all before it."""
 KEPT = 8
 """Newest boxes that clients can ask for."""
 COLUMNS = ("tick", "missed_ticks", *sorted(TIMING))
@@ -81,6 +81,7 @@ class BlackBoxes:
         self._allowed = {False: _Allowance(clock()), True: _Allowance(clock())}
         self._pending: list[Pending] = []
         self._boxed_until = -1
+        self._gravest_ns = 0
         self._position = self._core = self._looks = 0
         self._counters: deque[Counters] = deque(maxlen=4)
         self._sightings: deque[Sighting] = deque(maxlen=4 * LOOKS)
@@ -159,7 +160,9 @@ class BlackBoxes:
             row = rows[i]
             if row["tick"] <= self._boxed_until:
                 continue
-            if self._allowed[False].take(now_s):
+            held_ns = longest_part(None, row, self._period_ns).held_ns
+            if held_ns >= 2 * self._gravest_ns or self._allowed[False].take(now_s):
+                self._gravest_ns = max(self._gravest_ns, held_ns)
                 self._boxed_until = int(row["tick"]) + TICKS
                 self._begin(row, self._position - len(rows) + int(i))
                 self.left_out = 0
