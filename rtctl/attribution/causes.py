@@ -53,6 +53,14 @@ class Case:
         """So much time is enough to explain it."""
         return ms is not None and 1e6 * ms >= ENOUGH * self.hold.held_ns
 
+    @property
+    def run_wait_ms(self) -> float | None:
+        """Time the thread wanted its core and did not have it, beyond what is usual; None if it is not known."""
+        wait, usual = self.counted.run_wait_ms, self.evidence.usual
+        if wait is None or usual is None or usual.run_wait_ms is None or usual.tick <= 0:
+            return wait
+        return max(0.0, wait - usual.run_wait_ms * self.counted.tick / usual.tick)
+
     def slept(self) -> int:
         """Times the thread went to sleep beside the wait for the tick; before that, beside what it does in every tick."""
         usual = max(USUAL_SWITCHES, self.usual_switches) if self.hold.part == WAKE_UP else USUAL_SWITCHES
@@ -82,7 +90,7 @@ def _displaced(case: Case) -> str:
     seen = {str(rival): rival for s in case.sightings for rival in s.rivals if rival.may_displace(s.loop)}
     if seen:
         return f"{' and '.join(seen)} ran on core {int(case.row['core'])} in its place"
-    times, waited = int(case.row["involuntary_switches"]), case.counted.run_wait_ms
+    times, waited = int(case.row["involuntary_switches"]), case.run_wait_ms
     wait = "" if waited is None else f" (run-queue wait {waited:.1f} ms)"
     if times:
         often = "" if times == 1 else f" {times} times"

@@ -4,7 +4,7 @@ The ring still holds the ticks before, so in a run that goes well this costs a l
 """
 
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -28,8 +28,8 @@ STILL_S, STILL_TICKS = 0.003, 3
 """Silence of the loop after which the gateway looks at its thread: the longer of the two,"""
 LOOKS = 3
 """and so often at most."""
-BURST, EVERY_S = 10, 5.0
-"""So many black boxes in a row, then one in that time, and one of every hold twice as long as all before it."""
+BURST, EVERY_S = 5, 5.0
+"""So many black boxes in a row, then one in that time, of each order of magnitude: small holds do not hide long ones."""
 KEPT = 8
 """Newest boxes that clients can ask for."""
 COLUMNS = ("tick", "missed_ticks", *sorted(TIMING))
@@ -77,12 +77,13 @@ class BlackBoxes:
     ) -> None:
         self._ring, self._dtype, self._witness, self._period_ns, self._clock = ring, dtype, witness, period_ns, clock
         self.left_out = 0
-        """ticks over budget that are in no box"""
-        self._allowed = {False: _Allowance(clock()), True: _Allowance(clock())}
+        """ticks over budget that are in no box: too many, or before anybody looked"""
+        self._allowed: defaultdict[str, _Allowance] = defaultdict(lambda: _Allowance(clock()))
+        self._first_tick: int | None = None
         self._pending: list[Pending] = []
         self._boxed_until = -1
-        self._gravest_ns = 0
-        self._position = self._core = self._looks = 0
+        self._position = self._looks = 0
+        self._core = -1
         self._counters: deque[Counters] = deque(maxlen=4)
         self._sightings: deque[Sighting] = deque(maxlen=4 * LOOKS)
         self._rows_s = np.inf
@@ -96,8 +97,13 @@ class BlackBoxes:
         Call it often, also without rows. Returns the boxes that are complete now; see :meth:`box`.
         """
         now_s = self._clock()
+        if self._first_tick is None:
+            self._first_tick = self._witness.tick()
         if len(rows):
-            self._position, self._core = position, int(rows[-1]["core"])
+            if rows[-1]["core"] != self._core:
+                self._core = int(rows[-1]["core"])
+                self._witness.keep_off(self._core)
+            self._position = position
             self._rows_s, self._looks = now_s, 0
             self._open(rows, now_s)
         elif now_s - self._rows_s > max(STILL_S, STILL_TICKS * self._period_ns * 1e-9) * (1 + self._looks) and self._looks < LOOKS:  # fmt: skip
@@ -132,7 +138,7 @@ class BlackBoxes:
 
         The records with its tick must have been watched before.
         """
-        if event.kind != "state" or event.severity != "error" or not self._allowed[True].take(self._clock()):
+        if event.kind != "state" or event.severity != "error" or not self._allowed["fault"].take(self._clock()):
             return event
         rows = self._window(self._position - 2 * TICKS, 2 * TICKS)
         found = np.flatnonzero(rows["tick"] == event.tick)
@@ -160,9 +166,8 @@ class BlackBoxes:
             row = rows[i]
             if row["tick"] <= self._boxed_until:
                 continue
-            held_ns = longest_part(None, row, self._period_ns).held_ns
-            if held_ns >= 2 * self._gravest_ns or self._allowed[False].take(now_s):
-                self._gravest_ns = max(self._gravest_ns, held_ns)
+            magnitude = str(len(str(longest_part(None, row, self._period_ns).held_ns)))
+            if row["tick"] > self._first_tick and self._allowed[magnitude].take(now_s):
                 self._boxed_until = int(row["tick"]) + TICKS
                 self._begin(row, self._position - len(rows) + int(i))
                 self.left_out = 0
@@ -185,7 +190,7 @@ class BlackBoxes:
         return Evidence(
             counted=self._witness.count(core).since(older[-1]) if older else None,
             usual=older[-1].since(older[-2]) if len(older) > 1 else None,
-            sightings=tuple(self._sightings),
+            sightings=tuple(s for s in self._sightings if s.tick >= before - 1),
             frequency_mhz=self._witness.frequency_mhz(core),
             virtual=self._witness.virtual,
         )

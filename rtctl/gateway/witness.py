@@ -33,12 +33,22 @@ class Witness:
         self._control, self._proc, self._cpus = control, proc, cpus
         self.virtual = " hypervisor" in _read(proc / "cpuinfo")
 
+    def keep_off(self, core: int) -> None:
+        """Have the calling thread run on other cores, if there are any: on that of the loop it is held together with it."""
+        others = os.sched_getaffinity(0) - {core}
+        if others:
+            os.sched_setaffinity(0, others)
+
+    def tick(self) -> int:
+        """The loop's last tick."""
+        return int(get(self._control, Word.TICK))
+
     def count(self, core: int) -> Counters:
         """All counters as they are now, those of a core for `core`."""
         pid = get(self._control, Word.REAL_TIME_PID)
         wait = _read(self._proc / f"{pid}/schedstat").split()
         return Counters(
-            tick=get(self._control, Word.TICK),
+            tick=self.tick(),
             steal_ms=self._steal_ms(core),
             run_wait_ms=int(wait[1]) * 1e-6 if len(wait) == 3 else None,
             interrupts=_column(_read(self._proc / "interrupts"), core, named_by_last=True),
@@ -48,7 +58,7 @@ class Witness:
 
     def look(self) -> Sighting | None:
         """The loop's thread and those who may have its core; None if it is gone."""
-        tick, pid = get(self._control, Word.TICK), get(self._control, Word.REAL_TIME_PID)
+        tick, pid = self.tick(), get(self._control, Word.REAL_TIME_PID)
         loop = _thread(self._proc / f"{pid}/stat")
         if loop is None:
             return None
@@ -71,10 +81,11 @@ class Witness:
     def _rivals(self, loop: Thread) -> tuple[Thread, ...]:
         """Threads of others that want the core of the loop and may have it, as far as the time allows."""
         until, found = time.monotonic() + SCAN_S, []
-        for process in os.listdir(self._proc):  # noqa: PTH208  (paths as objects would take twice the time)
+        processes = sorted(int(name) for name in os.listdir(self._proc) if name.isdecimal())  # noqa: PTH208
+        for process in reversed(processes):  # the newest first: what ran well until now did so beside the old ones
             if time.monotonic() > until:
                 break
-            if process.isdecimal() and int(process) != loop.pid:
+            if process != loop.pid:
                 for stat in _stats_of_threads(f"{self._proc}/{process}/task"):
                     thread = _thread(stat)
                     if thread is not None and thread.may_displace(loop):
