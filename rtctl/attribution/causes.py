@@ -136,7 +136,8 @@ def _collected(case: Case) -> str:
 
 
 def _worked(case: Case) -> str:
-    if case.hold.part not in MAY_SLEEP or case.row["voluntary_switches"] != USUAL_SWITCHES:
+    switched = case.row["voluntary_switches"] != USUAL_SWITCHES or case.row["involuntary_switches"]
+    if case.hold.part not in MAY_SLEEP or switched or _major(case) or _minor(case):
         return ""
     who = {"prepare": "the planner", BETWEEN: "the interpreter"}.get(case.hold.part, "the driver of a device")
     return f"it neither slept nor lost its core: {who} worked that long, unless the core itself stood still"
