@@ -25,7 +25,8 @@ def raise_condition(state, record, condition, value, bound):
 @kernel
 def watch_inputs(parameters, state, sensors, record):
     """Devices, power, kinematics, forces and the world outside, before anything is decided."""
-    if state.axes_silent_ticks > parameters.axes_age_ticks:
+    known = math.isfinite(state.angle_rad[0])  # all axes are known since the same tick; what never was cannot get lost
+    if known and state.axes_silent_ticks > parameters.axes_age_ticks:
         silent, limit = float(state.axes_silent_ticks), float(parameters.axes_age_ticks)
         raise_condition(state, record, Condition.AXES_LOST, silent, limit)
         state.homed = 0  # nobody knows how far the motors have turned since

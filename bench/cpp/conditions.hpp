@@ -46,7 +46,7 @@ void watch_drift(const Parameters &parameters, State &state, const Sensors &sens
 }
 
 void watch_inputs(const Parameters &parameters, State &state, const Sensors &sensors, Record &record) {
-    if (state.axes_silent_ticks > parameters.axes_age_ticks) {
+    if (std::isfinite(state.angle_rad[0]) && state.axes_silent_ticks > parameters.axes_age_ticks) {
         raise_condition(state, record, Condition::AXES_LOST, double(state.axes_silent_ticks),
                         double(parameters.axes_age_ticks));
         state.homed = 0;

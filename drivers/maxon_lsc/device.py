@@ -14,12 +14,12 @@ from drivers.maxon_lsc.bounds import Bounds
 from drivers.maxon_lsc.group import AxesOfCard
 from drivers.maxon_lsc.options import GAINS, LscOptions
 from drivers.maxon_lsc.state import axis_state
-from drivers.tally import Tally
 from hal import options
 from hal.card import AnalogCard
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
 from hal.errors import OptionError
 from hal.frames import VALID
+from hal.tally import Tally
 from hal.troubles import Trouble
 
 TROUBLES = {

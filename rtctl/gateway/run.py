@@ -14,6 +14,7 @@ from rtctl.gateway.events import Event, Watcher
 from rtctl.gateway.journal import Journal
 from rtctl.gateway.lease import Lease
 from rtctl.gateway.parameters import Parameters
+from rtctl.gateway.scopes import Scopes
 from rtctl.robots import Robot
 from rtctl.settings import Settings
 
@@ -31,6 +32,7 @@ class Run:
     parameters: Parameters
     watcher: Watcher
     blackboxes: BlackBoxes
+    scopes: Scopes
     latest: Any = None
     """newest controller record, replaced as a whole by the thread that drains; None before the first"""
     told: SimpleQueue[Event] = field(default_factory=SimpleQueue)
