@@ -28,6 +28,7 @@ from hal.errors import RtctlError
 from rtctl.commands import CommandRefused, Verb
 from rtctl.gateway.keys import REQUESTS, STAGED, key_of
 from rtctl.gateway.transport import configure
+from rtctl.lifecycle import Operating
 from rtctl.record import CDR_HEADER, controller_table
 
 if TYPE_CHECKING:
@@ -129,13 +130,21 @@ class Client:
         """Have the controller do `verb`; its arguments are documented at :class:`rtctl.commands.Verb`.
 
         Raises:
-            CommandRefused: it was refused, with the reason and the remedy.
+            CommandRefused: it was refused, with the reason and the remedy; in FAULT its attribute `blackbox` holds
+                the ticks around the fault, as :meth:`blackbox` gives them.
             NoReply: nobody answered; whether it took effect is not known.
         """
         if verb == Verb.NONE or verb in STAGED:
             raise ValueError(f"{verb.name} is not for clients: use plan() or set_parameters()")
         fields = {"arguments": [float(a) for a in arguments]}
-        return self._request(key_of(verb), fields, valid_for_s=valid_for_s)
+        try:
+            return self._request(key_of(verb), fields, valid_for_s=valid_for_s)
+        except CommandRefused as refused:
+            row = self.latest()
+            if row is not None and row["operating_state"] == Operating.FAULT:
+                with contextlib.suppress(RtctlError):  # it is a help, and not what was asked for
+                    refused.blackbox = self.blackbox()
+            raise
 
     def stop(self) -> Reply:
         """Brake and hold; needs no lease."""
@@ -156,6 +165,18 @@ class Client:
     def status(self) -> dict[str, Any]:
         """Everything an operator wants to see at a glance."""
         return self._request("status", {}).result
+
+    def blackbox(self, tick: int | None = None) -> dict[str, Any]:
+        """The black box of the last fault, or of the tick over budget that an event named.
+
+        `text` says what happened and who held the loop; `rows` are stage times, page faults and context switches of
+        up to 101 ticks around it; of a fault, `signals` are the values of the important signals there. Both
+        are columns: name -> one value a tick.
+
+        Raises:
+            CommandRefused: there is none, or it is one of so long ago that only the log has it.
+        """
+        return self._request("blackbox", {"tick": tick}).result
 
     def parameters(self, *names: str) -> dict[str, Any]:
         """Values in force by dotted name; of all options without `names`."""

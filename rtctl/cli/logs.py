@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rtctl.cli import comparing
+from rtctl.cli.blackboxes import blackbox
 from rtctl.cli.console import grid, output, remark, say
 from rtctl.cli.exit_codes import Exit
 from rtctl.cli.options import JSON, RECORDS
@@ -25,6 +26,7 @@ def add_to(app: typer.Typer) -> None:
     group.command()(recover)
     group.command()(comparing.compare)
     group.command()(condense)
+    group.command()(blackbox)
     app.add_typer(group, name="log", rich_help_panel=RECORDS)
 
 

@@ -18,6 +18,7 @@ from rtctl.gateway.feedback import numbers, operating_state
 from rtctl.gateway.keys import CRTK_STATE_COMMANDS, REQUESTS, Key, Kind
 from rtctl.gateway.messages import (
     Answer,
+    BlackBoxRequest,
     CommandRequest,
     GetRequest,
     PlanRequest,
@@ -78,6 +79,7 @@ class Desk:
                 Kind.SET: self._set,
                 Kind.LIST: lambda _name, _request: Reply(accepted=True, result=self._run.parameters.reference()),
                 Kind.LEASE: self._lease,
+                Kind.BLACKBOX: self._blackbox,
                 Kind.STATUS: lambda _name, _request: Reply(accepted=True, result=self._status()),
             }[key.kind]
             answer(handle(name, request))
@@ -177,6 +179,14 @@ class Desk:
             self._run.say_health()
             self._run.tell("lease", f"{request.source} released the lease")
         return Reply(accepted=True)
+
+    def _blackbox(self, _name: str, request: Request) -> Reply:
+        tick = cast(BlackBoxRequest, request).tick
+        box = self._run.blackboxes.box(tick)
+        if box is None:
+            what = "there was no fault" if tick is None else f"tick {tick} has no black box, or it is too old"
+            raise Refusal("no_black_box", what, "all boxes of a run are in its log: `rtctl log blackbox`")
+        return Reply(accepted=True, result=box)
 
     def _status(self) -> dict[str, Any]:
         run, row = self._run, self._run.latest

@@ -77,6 +77,12 @@ class PlanRequest(Request, frozen=True, kw_only=True):
     """the document of a plan file, see docs/reference/files.md"""
 
 
+class BlackBoxRequest(Request, frozen=True, kw_only=True):
+    """Which black box: that of a tick an event named, or of the last fault."""
+
+    tick: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
+
+
 class ScopeOpenRequest(Request, frozen=True, kw_only=True):
     """Begin a scope."""
 
@@ -125,6 +131,7 @@ TYPES: dict[Kind, type[Request]] = {
     Kind.LIST: Request,
     Kind.LEASE: Request,
     Kind.STATUS: Request,
+    Kind.BLACKBOX: BlackBoxRequest,
     Kind.SCOPE_OPEN: ScopeOpenRequest,
     Kind.SCOPE: ScopeRequest,
 }

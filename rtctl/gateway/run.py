@@ -8,6 +8,7 @@ from typing import Any
 
 from rtctl.exchange.control import LOG_WRITING, Word, get, put
 from rtctl.exchange.segment import Segment
+from rtctl.gateway.blackbox import BlackBoxes
 from rtctl.gateway.commander import Commander
 from rtctl.gateway.events import Event, Watcher
 from rtctl.gateway.journal import Journal
@@ -30,6 +31,7 @@ class Run:
     lease: Lease
     parameters: Parameters
     watcher: Watcher
+    blackboxes: BlackBoxes
     scopes: Scopes
     latest: Any = None
     """newest controller record, replaced as a whole by the thread that drains; None before the first"""
