@@ -18,7 +18,9 @@ def test_a_short_soak_keeps_its_promises(tmp_path, capsys):
     ]
     main([*words, *patient])
     told = json.loads(capsys.readouterr().out)
-    broken = {p["name"]: p["figures"] for p in told["promises"] if not p["good"] and not p["timed"]}
+    # in seconds a gateway that has just started is still loading, so only a longer soak can say whether it grows
+    judged = [p for p in told["promises"] if not p["timed"] and p["name"] != "the gateway does not grow"]
+    broken = {p["name"]: p["figures"] for p in judged if not p["good"]}
     assert broken == {}
     assert len(told["promises"]) == 9 + len(GROWTH_KIB)
     assert len(told["outages"]) == 1
