@@ -7,7 +7,7 @@ from rtctl.soak.verdicts import GROWTH_KIB
 
 
 def test_a_short_soak_keeps_its_promises(tmp_path, capsys):
-    words = ["bench", "soak", "--minutes", "0.1", "--seed", "5", "--run-directory", str(tmp_path), "--json"]
+    words = ["bench", "soak", "--minutes", "0.17", "--seed", "5", "--run-directory", str(tmp_path), "--json"]
     patient = [
         "--set",
         "backend.options.watchdog_ticks=2000",
