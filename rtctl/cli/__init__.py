@@ -11,6 +11,7 @@ import typer
 from rtctl.cli import (
     bench,
     calibrate,
+    certify,
     client,
     configuration,
     daemon,
@@ -41,7 +42,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, devices, doctor, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, bench, watching, devices, doctor, certify, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 
