@@ -23,6 +23,7 @@ from bench import (
     mujoco_cable,
     planning_cost,
     rod_study,
+    stage_cost,
     tick_cost,
     wake_up,
 )
@@ -31,7 +32,19 @@ from bench.recorded import record_insertion
 from hal.errors import RtctlError
 from rtctl.settings import load
 
-SPEED = ("tick", "loop", "wake-up", "lockstep", "exchange", "guidance", "planning", "impedance", "hardware", "epos")
+SPEED = (
+    "tick",
+    "loop",
+    "stages",
+    "wake-up",
+    "lockstep",
+    "exchange",
+    "guidance",
+    "planning",
+    "impedance",
+    "hardware",
+    "epos",
+)
 STUDIES = ("rod", "robustness", "phenomena", "mujoco")
 """Of the array by itself; they take minutes, and only when asked for."""
 PARTS = SPEED + STUDIES
@@ -103,6 +116,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
     measurements: dict[str, Callable[[], list[Figure]]] = {
         "tick": lambda: tick_cost.measure(settings, pieces),
         "loop": lambda: loop_cost.measure(settings),
+        "stages": lambda: stage_cost.measure(settings, arguments.seconds),
         "wake-up": lambda: wake_up.measure(settings, arguments.rounds, arguments.seconds),
         "lockstep": lambda: lockstep_speed.measure(settings, SEED, pieces),
         "exchange": lambda: exchange_cost.measure(settings, pieces),

@@ -150,6 +150,15 @@ def specialised(function: F, arguments: tuple[Any, ...]) -> F:
     return cast(F, _SPECIALISED[function, signature])
 
 
+def direct(specialised_function: F) -> F:
+    """The machine code of a function of :func:`specialised`, for a caller who keeps to the types it was made for.
+
+    numba would look at every argument of every call, 0.3 ms for twenty records when the caches are cold; this does not.
+    """
+    (signature,) = cast(Any, specialised_function).signatures
+    return cast(F, cast(Any, specialised_function).get_overload(signature))
+
+
 def _compile(function: Callable[..., Any], signatures: list[Any] | None) -> Any:
     numba.config.CACHE_DIR = str(cache_directory())
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{Locator.__name__}"

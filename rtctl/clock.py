@@ -10,8 +10,10 @@ import numpy as np
 from numba import types
 
 from hal.kernel import kernel
+from rtctl.stages import WRITE
 
 MONOTONIC, ABSOLUTE, INTERRUPTED = 1, 1, 4
+LONGEST_NS = 2**31 - 1
 
 # by name, not through a function pointer, so that the kernels can be cached
 _nanosleep = types.ExternalFunction("clock_nanosleep", types.int32(types.int32, types.int32, types.uintp, types.uintp))
@@ -24,6 +26,7 @@ CLOCK = np.dtype(
         ("period_ns", "i8"),
         ("tick", "i8"),
         ("woken_ns", "i8"),
+        ("stamp_ns", "i8"),
         ("timespec", "i8", (2,)),
     ],
     align=True,
@@ -60,13 +63,22 @@ def wait(clock, record):
     while result == INTERRUPTED:
         clock.timespec[0], clock.timespec[1] = deadline // 1_000_000_000, deadline % 1_000_000_000
         result = _nanosleep(MONOTONIC, ABSOLUTE, clock.timespec.ctypes.data, 0)
-    clock.woken_ns = now_ns(clock)
+    clock.woken_ns = clock.stamp_ns = now_ns(clock)
     record.tick = due
     record.time_ns = clock.epoch_ns + due * clock.period_ns
-    record.lateness_ns = min(clock.woken_ns - deadline, 2**31 - 1)
+    record.lateness_ns = min(clock.woken_ns - deadline, LONGEST_NS)
+
+
+@kernel
+def stamp(clock, record, stage):
+    """End a stage (:mod:`rtctl.stages`): note how long ago the one before it ended, or the wake-up was."""
+    now = now_ns(clock)
+    record.stage_ns[stage] = min(now - clock.stamp_ns, LONGEST_NS)
+    clock.stamp_ns = now
 
 
 @kernel
 def stamp_duration(clock, record):
-    """Note how long the tick has taken since it was woken."""
-    record.tick_ns = min(now_ns(clock) - clock.woken_ns, 2**31 - 1)
+    """End the last stage before the record is passed on, and note how long the tick has taken since it was woken."""
+    stamp(clock, record, WRITE)
+    record.tick_ns = min(clock.stamp_ns - clock.woken_ns, LONGEST_NS)

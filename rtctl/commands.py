@@ -2,6 +2,7 @@
 
 import enum
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -137,6 +138,8 @@ class CommandRefused(RtctlError):
 
     def __init__(self, reason: str, what: str, *, value: object = None, bound: str = "", remedy: str = "") -> None:
         self.reason = reason
+        self.blackbox: dict[str, Any] | None = None
+        """refused in FAULT: what the last ticks before it were, see :meth:`rtctl.client.Client.blackbox`"""
         super().__init__(what, value=value, bound=bound, remedy=remedy)
 
     def __str__(self) -> str:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from hal.backend import Backend
-from hal.kernel import kernel, specialised
+from hal.kernel import Pointer, direct, kernel, specialised
 from rtctl import clock as clocks
+from rtctl import usage as usages
 from rtctl.commands import COMMAND, Verb
 from rtctl.controller import Controller
 from rtctl.exchange.atomics import load_acquire, store_release
@@ -16,6 +17,7 @@ from rtctl.exchange.mailbox import fetch, forget, is_empty
 from rtctl.exchange.poll import listen, new_poller, poll
 from rtctl.exchange.ring import commit
 from rtctl.exchange.segment import Segment
+from rtctl.stages import POLL, PREPARE, READ, RECORD, TICK
 from rtctl.tick import tick as run_tick
 
 CRUISE_TICKS = 100
@@ -41,6 +43,7 @@ class Loop:
         self.heartbeat_ticks = heartbeat_ticks
         self.permission = ARMING_ALLOWED if may_arm else 0
         self.poller = new_poller(segment.control)
+        self.usage = np.zeros(1, usages.USAGE)
         truth = backend.truth()
         self.truth = truth[1] if truth is not None else None
         self.ending_since = -1
@@ -48,15 +51,23 @@ class Loop:
         self.cruise_arguments: tuple[Any, ...] = ()
         device = backend.compiled()
         if device is not None and self.truth is not None:
-            memory = controller.memory, controller.sensors, controller.actuators, controller.record, self.poller
+            memory = (
+                controller.memory,
+                controller.sensors,
+                controller.actuators,
+                controller.record,
+                self.poller,
+                self.usage,
+            )
             exchange = segment.control, segment.mailbox, segment.records, segment.truths, self.truth
-            hal = device.device, device.read, device.write
+            hal = device.device, Pointer(device.read), Pointer(device.write)
             self.cruise_arguments = *memory, *exchange, *hal, self.heartbeat_ticks, self.permission
-            self.cruise = specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments))
+            self.cruise = direct(specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments)))
 
     def run(self, clock: np.ndarray, ticks: int | None = None) -> None:
         """Run until somebody asks for a stop (control word STOP_REQUEST), or for `ticks` ticks; end without power."""
         last = None if ticks is None else int(clock["tick"][0]) + ticks
+        ask_usage(self.usage)
         while last is None or clock["tick"][0] < last:
             if self.cruise is not None:
                 ticks = CRUISE_TICKS if last is None else min(CRUISE_TICKS, last - int(clock["tick"][0]))
@@ -78,13 +89,17 @@ class Loop:
         if self.ending_since >= 0 or must_end(s.control):
             verb = self._order_end(tick)
         self.backend.read(tick, c.sensors)
+        stamp(clock, c.record, READ)
         if verb:
             self._prepare(verb, tick)
+            stamp(clock, c.record, PREPARE)
         c.step()
+        stamp(clock, c.record, TICK)
         self.backend.write(tick, c.actuators)
-        finish(clock, c.record, s.records, s.control)
+        finish(clock, c.record, self.usage, s.records, s.control)
         if self.truth is not None:
             publish_truth(c.record, self.truth, s.truths)
+        stamp(clock, c.record, RECORD)
         return self.ending_since >= 0 and verb == Verb.DISABLE
 
     def _prepare(self, verb: int, tick: int) -> None:
@@ -123,6 +138,7 @@ def cruise(
     actuators,
     record,
     poller,
+    usage,
     control,
     mailbox,
     records,
@@ -143,11 +159,16 @@ def cruise(
         clocks.wait(clock[0], record[0])
         record[0].gateway_health = listen(control, poller[0], heartbeat_ticks) | permission
         forget(memory[0].command)
+        record[0].stage_ns[PREPARE] = 0
+        stamp(clock, record, POLL)
         read(device[0], record[0].tick, sensors[0])
+        stamp(clock, record, READ)
         run_tick(memory[0], sensors[0], actuators[0], record[0])
+        stamp(clock, record, TICK)
         write(device[0], record[0].tick, actuators[0])
-        finish(clock, record, records, control)
+        finish(clock, record, usage, records, control)
         publish_truth(record, truth, truths)
+        stamp(clock, record, RECORD)
         ticks -= 1
     return ticks
 
@@ -163,14 +184,29 @@ def begin(clock, control, mailbox, poller, memory, record, heartbeat_ticks, perm
     """Wait for the grid point, stamp the record, and look at the gateway once. Returns the verb of the command."""
     clocks.wait(clock[0], record[0])
     record[0].gateway_health = poll(control, mailbox, poller[0], memory[0].command, heartbeat_ticks) | permission
+    record[0].stage_ns[PREPARE] = 0
+    clocks.stamp(clock[0], record[0], POLL)
     return memory[0].command.verb
 
 
 @kernel
-def finish(clock, record, records, control):
+def stamp(clock, record, stage):
+    """End a stage. That of RECORD ends when the record is gone: it travels with the next one."""
+    clocks.stamp(clock[0], record[0], stage)
+
+
+@kernel
+def ask_usage(usage):
+    """Begin to count what the loop's thread costs the system."""
+    usages.ask(usage[0])
+
+
+@kernel
+def finish(clock, record, usage, records, control):
     """Stamp the duration, put the record into the ring, and update the control words others watch."""
     r = record[0]
     clocks.stamp_duration(clock[0], r)
+    usages.note(usage[0], r)
     commit(records, r)
     store_release(control, Word.TICK, r.tick)
     if r.missed_ticks > 0:

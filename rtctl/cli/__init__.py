@@ -23,6 +23,8 @@ from rtctl.cli import (
     operate,
     parameters,
     plan,
+    replays,
+    scope,
     simulation,
     study,
     watching,
@@ -42,7 +44,8 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, devices, doctor, certify, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, bench, watching, scope, devices, doctor, certify, client, motion, operate, plan, parameters, logs, replays,
+    configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 
