@@ -19,7 +19,11 @@ class BenchOperator(DirectOperator):
 
     def __init__(self, daemon: Daemon) -> None:
         self._rows: list[np.ndarray] = []
-        super().__init__(daemon, lambda rows: self._rows.append(rows.copy()))
+        super().__init__(daemon, self._keep)
+
+    def _keep(self, rows: np.ndarray, _position: int) -> None:
+        if len(rows):
+            self._rows.append(rows.copy())
 
     def records(self) -> np.ndarray:
         """All records so far. Raises BenchError if some were overwritten before they were seen."""

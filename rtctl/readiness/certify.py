@@ -10,6 +10,7 @@ from hal.kernel import kernel_hash
 from rtctl.exchange.control import Grade
 from rtctl.gateway.setup import packages, revision
 from rtctl.readiness import certificate, cyclictest
+from rtctl.readiness.boxes import Boxes
 from rtctl.readiness.doctor import examine
 from rtctl.readiness.load import Load
 from rtctl.readiness.measured import Distribution, process_table, ratios
@@ -82,7 +83,7 @@ class _Sums:
     def __init__(self, settings: Settings) -> None:
         self._period_ns = round(settings.loop.period_s * 1e9)
         self._lateness, self._tick, self._reference = Distribution(), Distribution(), Distribution()
-        self._overruns = Overruns(self._period_ns)
+        self._overruns, self._boxes = Overruns(self._period_ns), Boxes()
         self._usages: list[tuple[Any, Any]] = []
         self._lost = 0
         self.grades: list[Grade] = []
@@ -94,6 +95,7 @@ class _Sums:
         if one.reference is not None:
             self._reference.add_round(one.reference)
         self._overruns.merge(one.loop.overruns)
+        self._boxes.merge(one.loop.boxes)
         self._usages.append(one.loop.usage)
         self._lost += one.loop.lost
         self.grades.append(one.loop.grade)
@@ -110,6 +112,7 @@ class _Sums:
             "reference": reference,
             "ratios": None if obstacle else ratios(self._lateness, self._reference),
             "overruns": self._overruns.as_table(),
+            "black_boxes": self._boxes.as_table(),
             "lost_records": self._lost,
             "process": process_table(self._usages),
         }

@@ -38,11 +38,14 @@ class DirectOperator:
 
     Args:
         daemon: whose loop runs.
-        see: is given all records in blocks (n,), in order.
+        see: is given all records in blocks (n,), in order, n is 0 where nothing is new, and the number in the ring of
+            the record after them.
+        glance_s: time between two looks at the ring.
     """
 
-    def __init__(self, daemon: Daemon, see: Callable[[np.ndarray], object]) -> None:
+    def __init__(self, daemon: Daemon, see: Callable[[np.ndarray, int], object], glance_s: float = GLANCE_S) -> None:
         self._daemon, settings = daemon, daemon.settings
+        self._glance_s = glance_s
         self.robot = robots.load(settings.robot.kind, settings.robot.geometry)
         self._commander = Commander(daemon.segment, settings.loop.period_s)
         self._ring = RingReader(daemon.segment.records, daemon.segment.layout.record, limit=4096)
@@ -71,7 +74,7 @@ class DirectOperator:
             over = time.monotonic() > end_s or get(self._daemon.control, Word.REAL_TIME_STATE) >= RealTimeState.STOPPED
             if over or (row is not None and until(row)):
                 return row
-            time.sleep(GLANCE_S)
+            time.sleep(self._glance_s)
 
     def plan(self, progress: Callable[[float], None]) -> int:
         """Plan from the registered entry and load the plan."""
@@ -87,11 +90,13 @@ class DirectOperator:
 
     def glance(self) -> Any:
         """Take what is new in the ring; the newest record, None before the first."""
-        while len(rows := self._ring.read()):
+        while True:
+            rows = self._ring.read()
+            self._see(rows, self._ring.position)
+            if not len(rows):
+                return self._newest
             self._newest = rows[-1].copy()
-            self._see(rows)
             self._commander.resolve(rows)
-        return self._newest
 
     @property
     def lost(self) -> int:

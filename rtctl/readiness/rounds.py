@@ -9,6 +9,7 @@ from hal.errors import RtctlError
 from rtctl.daemon import Daemon
 from rtctl.exchange.control import Grade, Word, get
 from rtctl.readiness import cyclictest
+from rtctl.readiness.boxes import Boxes, Recorder
 from rtctl.readiness.direct import DirectOperator, run_daemon
 from rtctl.readiness.facts import Facts
 from rtctl.readiness.operation import operate
@@ -18,6 +19,8 @@ from rtctl.readiness.usage import Usage, usage_of
 from rtctl.settings import Settings
 
 LEAST_ROUND_S = 1.0
+DRAIN_S = 0.004
+"""Between two looks at the ring, as the gateway does it: who held the loop shows only while it is held."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,7 @@ class LoopRound:
 
     Attributes:
         lateness, tick: of all its ticks.
+        boxes: who held it.
         usage: of the real-time process, at the begin and at the end.
         lost: records that were overwritten before they were seen.
     """
@@ -68,6 +72,7 @@ class LoopRound:
     lateness: Times
     tick: Times
     overruns: Overruns
+    boxes: Boxes
     usage: tuple[Usage, Usage]
     grade: Grade
     lost: int
@@ -113,18 +118,22 @@ def loop_round(settings: Settings, seconds: float, moving: bool, number: int) ->
     """
     lateness, tick = Times(), Times()
     overruns = Overruns(round(settings.loop.period_s * 1e9), number)
-    told: list[tuple[Usage, Usage, Grade]] = []
     operators: list[DirectOperator] = []
+    recorders: list[Recorder] = []
+    told: list[tuple[Usage, Usage, Grade]] = []
 
-    def see(rows: np.ndarray) -> None:
-        lateness.add(rows["lateness_ns"])
-        tick.add(rows["tick_ns"])
-        overruns.see(rows)
+    def see(rows: np.ndarray, position: int) -> None:
+        recorders[0].watch(rows, position)
+        if len(rows):
+            lateness.add(rows["lateness_ns"])
+            tick.add(rows["tick_ns"])
+            overruns.see(rows)
 
     def run(daemon: Daemon) -> None:
         assert daemon.real_time is not None
         pid, facts = daemon.real_time.pid, Facts()
-        operators.append(DirectOperator(daemon, see))
+        recorders.append(Recorder(daemon, number))
+        operators.append(DirectOperator(daemon, see, DRAIN_S))
         before = usage_of(pid, facts)
         operate(operators[0], settings, seconds, moving)
         told.append((before, usage_of(pid, facts), Grade(get(daemon.control, Word.GRADE))))
@@ -132,4 +141,4 @@ def loop_round(settings: Settings, seconds: float, moving: bool, number: int) ->
     run_daemon(settings, run, gateway=False)
     operators[0].glance()  # the ticks in which it came to rest
     before, after, grade = told[0]
-    return LoopRound(lateness, tick, overruns, (before, after), grade, operators[0].lost)
+    return LoopRound(lateness, tick, overruns, recorders[0].close(), (before, after), grade, operators[0].lost)

@@ -33,6 +33,7 @@ def page(document: Document) -> str:
         pictures=columns(Picture(title, svg(f), caption, f.get_figheight()) for title, caption, f in draw(document)),
         percentiles=_percentiles(document),
         overruns=_overruns(document),
+        boxes=_boxes(document["black_boxes"]),
         process=_table((), (("", name, _shown(value)) for name, value in document["process"].items())),
         facts=_table((), (("", name, value) for name, value in _facts(document))),
         findings=_table(("what", "found", "what it costs", "mend it with"), map(_finding, document["findings"])),
@@ -108,6 +109,17 @@ def _overruns(d: Document) -> str:
     rows = (("", *map(_shown, (x["round"], x["tick"], x["missed_ticks"], x["held_by"], x["lateness_us"], x["tick_us"]))) for x in o["longest"])  # fmt: skip
     table = _table(("round", "after tick", "missed", "longest part of it", "lateness [µs]", "tick [µs]"), rows)
     return f"<p>{escape(text)} The longest part of what came before: {escape(held)}.</p>{table}"
+
+
+def _boxes(b: Document) -> str:
+    """Who held the loop."""
+    if not b["causes"]:
+        return "<p>No tick was over budget.</p>"
+    causes = ", ".join(f"{name} {count}" for name, count in b["causes"].items())
+    text = f"Black boxes by their strongest cause: {causes}. Ticks over budget without a box of their own: {b['left_out']}."
+    rows = (("", _shown(x["round"]), _shown(x["tick"]), x["text"], x["remedy"]) for x in b["told"])
+    table = _table(("round", "tick", "what happened", "what to do"), rows)
+    return f"<p>{escape(text)}</p><details><summary>The first {len(b['told'])} of them</summary>{table}</details>"
 
 
 def _facts(d: Document) -> Iterable[tuple[str, str]]:

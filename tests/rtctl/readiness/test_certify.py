@@ -13,6 +13,8 @@ from rtctl.cli.exit_codes import Exit
 from rtctl.commands import Verb
 from rtctl.exchange.control import Grade
 from rtctl.readiness import certificate, certify, cyclictest, operation, rounds
+from rtctl.readiness.boxes import KEPT as KEPT_BOXES
+from rtctl.readiness.boxes import UNEXPLAINED, Boxes
 from rtctl.readiness.direct import RunError
 from rtctl.readiness.doctor import Diagnosis
 from rtctl.readiness.facts import Facts
@@ -103,6 +105,24 @@ def test_load_runs_as_declared_and_ends(tmp_path):
     assert not any(Path(f"/proc/{pid}").exists() for pid in pids)
 
 
+def box(tick, *causes):
+    """What is used of a black box."""
+    return {"tick": tick, "text": f"tick {tick} woke late", "remedy": "a core of its own", "causes": list(causes)}
+
+
+def test_black_boxes_are_counted_by_their_strongest_cause():
+    first, second = Boxes(), Boxes()
+    first.take([box(7, "stolen", "interrupts"), box(90)], 1)
+    second.take([box(8, "stolen")] * 100, 2)
+    second.left_out = 3
+    first.merge(second)
+    told = first.as_table()
+    assert told["causes"] == {"stolen": 101, UNEXPLAINED: 1}
+    assert told["left_out"] == 3
+    assert [(t["round"], t["tick"]) for t in told["told"][:3]] == [(1, 7), (1, 90), (2, 8)]
+    assert len(told["told"]) == KEPT_BOXES
+
+
 class Dead:
     """A loop whose records come no more."""
 
@@ -157,7 +177,9 @@ def measuring(monkeypatch, tmp_path):
         overruns = Overruns(PERIOD_NS, number)
         overruns.see(rows_of((1, 0, 12_000, 3_000), (3, number - 1, 15_000, 4_000)))
         usage = Usage(1000, 900, 5, 0, 10, 0)
-        return LoopRound(times_of(12_000, 15_000), times_of(3_000, 4_000), overruns, (usage, usage), Grade.RT, 0)
+        boxes = Boxes()
+        boxes.take([box(number)], number)
+        return LoopRound(times_of(12_000, 15_000), times_of(3_000, 4_000), overruns, boxes, (usage, usage), Grade.RT, 0)
 
     monkeypatch.setattr(rounds, "loop_round", loop_round)
     monkeypatch.setattr(cyclictest, "obstacle", lambda _: "")
@@ -258,3 +280,4 @@ def test_the_page_is_whole_and_says_what_the_document_says(measuring):
     assert "promises not kept" in told.text
     assert "2 times grid points were missed, 3 in all" in told.text
     assert "could not be read: closed" in told.text
+    assert "tick 3 woke late" in told.text
