@@ -66,12 +66,15 @@ def certify(
 
 
 def _measure(settings: "Settings", seconds: float, rounds: int, load: str, json: bool) -> int:
+    import signal
+
     from rtctl.readiness.certificate import folder_of, write
     from rtctl.readiness.certify import certify as measure
     from rtctl.readiness.rounds import Plan
     from rtctl.report.certificate import page
 
     plan = Plan(seconds, rounds, load)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what has been measured is kept then, too
     with _shown() as tell:
         document = measure(settings, plan, tell)
     path = write(document, folder_of(settings))

@@ -6,7 +6,7 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -71,10 +71,15 @@ class DirectOperator:
         end_s = time.monotonic() + timeout_s
         while True:
             row = self.glance()
-            over = time.monotonic() > end_s or get(self._daemon.control, Word.REAL_TIME_STATE) >= RealTimeState.STOPPED
-            if over or (row is not None and until(row)):
+            if time.monotonic() > end_s or self._has_ended() or (row is not None and until(row)):
                 return row
             time.sleep(self._glance_s)
+
+    def _has_ended(self) -> bool:
+        """The loop is over, or its process is gone."""
+        process = self._daemon.real_time
+        stopped = get(self._daemon.control, Word.REAL_TIME_STATE) >= RealTimeState.STOPPED
+        return stopped or (process is not None and process.poll() is not None)
 
     def plan(self, progress: Callable[[float], None]) -> int:
         """Plan from the registered entry and load the plan."""
@@ -111,6 +116,7 @@ def run_daemon(settings: Settings, operate: Callable[[Daemon], object], *, gatew
         RunError: the daemon ended badly. What `operate` raises comes out, too.
         KeyboardInterrupt: the daemon was told to end, and it was not by `operate`.
     """
+    ended_by_us: list[bool] = []
     with (
         tempfile.TemporaryDirectory() as directory,
         _signals_restored(),
@@ -118,19 +124,24 @@ def run_daemon(settings: Settings, operate: Callable[[Daemon], object], *, gatew
         ThreadPoolExecutor(1) as beside,
     ):
         daemon = Daemon(settings, run_directory=Path(directory), seed=1, gateway=gateway)
-        operating = beside.submit(
-            _operate_when_ready, daemon, operate, Word.GATEWAY_HEARTBEAT if gateway else Word.TICK
-        )
+        sign_of_life = Word.GATEWAY_HEARTBEAT if gateway else Word.TICK
+        operating = beside.submit(_operate_when_ready, daemon, operate, sign_of_life, ended_by_us)
         code = daemon.run()
-        if not operating.done():
+        wait([operating])
+        if not ended_by_us and not (gateway and code):  # a gateway that dies too often ends a daemon, too
             raise KeyboardInterrupt
         operating.result()
     if code != 0:
         raise RunError("the daemon failed", value=code, bound="exit code 0", remedy="see its messages above")
 
 
-def _operate_when_ready(daemon: Daemon, operate: Callable[[Daemon], object], sign_of_life: Word) -> None:
-    """Call `operate` once the loop ticks, or the gateway answers; not at all if the daemon gives up before."""
+def _operate_when_ready(
+    daemon: Daemon, operate: Callable[[Daemon], object], sign_of_life: Word, ended_by_us: list[bool]
+) -> None:
+    """Call `operate` once the loop ticks, or the gateway answers; not at all if the daemon gives up before.
+
+    ended_by_us: gets an entry unless somebody else has told the daemon to end before.
+    """
     try:
         while get(daemon.control, sign_of_life) == 0:
             if daemon.stopping_since is not None or (
@@ -140,6 +151,8 @@ def _operate_when_ready(daemon: Daemon, operate: Callable[[Daemon], object], sig
             time.sleep(GLANCE_S)
         operate(daemon)
     finally:
+        if daemon.stopping_since is None:
+            ended_by_us.append(True)
         daemon.stop()
 
 
