@@ -78,7 +78,7 @@ def read(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError):  # numbers or letters that `write` would never write
         found = "none"
     if found != document[HASH]:
-        raise CertificateError("the certificate was changed after it was written", value=str(path), bound=f"{HASH} {found}", remedy="certify anew")  # fmt: skip
+        raise CertificateError("the certificate was changed after it was written", value=str(path), bound=f"{HASH} {document[HASH]}", remedy="certify anew")  # fmt: skip
     return document
 
 

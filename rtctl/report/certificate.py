@@ -15,6 +15,8 @@ MARKS = {True: "kept", False: "NOT KEPT", None: "not known"}
 MARK_CLASSES = {True: "info", False: "error", None: "warning"}
 VERDICT_CLASSES = {"good": "info", "costs": "error", "unknown": "warning"}
 UNKNOWN = "not known"
+LONG_US = 1e4
+"""From here on milliseconds are easier to read."""
 
 Document = Mapping[str, Any]
 
@@ -148,7 +150,7 @@ def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def _us(value: float) -> str:
-    return f"{value:.4g} µs"
+    return f"{value:.4g} µs" if value < LONG_US else f"{value * 1e-3:.4g} ms"
 
 
 def _shown(value: Any) -> str:
