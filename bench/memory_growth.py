@@ -11,22 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from bench.figures import Figure, Target
-from bench.real_time import run_daemon
 from rtctl.client import Client, CommandRefused
 from rtctl.commands import Verb
 from rtctl.daemon import Daemon
 from rtctl.lifecycle import Operating
+from rtctl.readiness.direct import run_daemon
+from rtctl.readiness.operation import RECOVERY
 from rtctl.settings import Settings
 
 PART = "memory"
 TARGET_KIB = Target(0.0)
 MOVE_LIMIT_S = 20.0
-RECOVERY: dict[Operating, tuple[Verb, ...]] = {
-    Operating.ENABLED: (),
-    Operating.PAUSED: (Verb.RESUME,),
-    Operating.FAULT: (Verb.ACKNOWLEDGE, Verb.ENABLE),
-    Operating.DISABLED: (Verb.ENABLE,),
-}
 
 
 def measure(settings: Settings, minutes: float) -> list[Figure]:

@@ -11,6 +11,7 @@ import typer
 from rtctl.cli import (
     bench,
     calibrate,
+    certify,
     client,
     configuration,
     daemon,
@@ -43,7 +44,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, scope, devices, doctor, client, motion, operate, plan, parameters, logs, replays,
+    daemon, simulation, bench, watching, scope, devices, doctor, certify, client, motion, operate, plan, parameters, logs, replays,
     configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)

@@ -124,5 +124,5 @@ def _words(facts: dict[str, Any], log: "Log") -> dict[str, Any]:
         "lost": f"{facts['lost_ticks']} records",
         "topics": ", ".join(f"{topic} {count}" for topic, count in facts["topics"].items()),
     }
-    kept = ("grade", "config_hash", "kernel_hash", "seed", "revision", "python", "machine")
+    kept = ("grade", "config_hash", "kernel_hash", "seed", "revision", "python", "machine", "certificate")
     return words | {name.replace("_", " "): log.header[name] for name in kept if log.header.get(name)}

@@ -21,6 +21,7 @@ from rtctl.exchange.ring import RingReader, committed
 from rtctl.exchange.segment import Layout, Segment
 from rtctl.log.format import CONTROLLER, TRUTH
 from rtctl.planner import PlanError, make_plan
+from rtctl.readiness.certificate import newest_hash
 from rtctl.robots import Robot
 from rtctl.settings import Settings, config_hash, public_table
 
@@ -62,8 +63,14 @@ def header_of(settings: Settings, seed: int, grade: int, first_tick: int) -> dic
         "revision": revision(),
         "python": platform.python_version(),
         "machine": platform.platform(),
-        **{f"package.{name}": version for name in PACKAGES if (version := _version(name))},
+        "certificate": "" if grade == Grade.SIM else newest_hash(settings),
+        **{f"package.{name}": version for name, version in packages().items()},
     }
+
+
+def packages() -> dict[str, str]:
+    """Versions of what the results depend on, by name; what is not installed is left out."""
+    return {name: version for name in PACKAGES if (version := _version(name))}
 
 
 def _version(package: str) -> str:

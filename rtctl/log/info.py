@@ -32,6 +32,7 @@ def describe(log: Log) -> dict[str, Any]:
         "config_hash": log.header.get("config_hash"),
         "seed": log.header.get("seed"),
         "kernel_hash": log.header.get("kernel_hash"),
+        "certificate": log.header.get("certificate") or None,
         "hashed_seconds": len(log.hashes),
         "outcomes": [event for event in log.events if "outcome" in event],
         "topics": {topic: len(items) for group in (log.rows, log.messages) for topic, items in group.items()},

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rtctl.exchange.control import Grade
-from rtctl.readiness import core, host, kernel, packages
+from rtctl.readiness import certificate, core, host, kernel, packages
 from rtctl.readiness.facts import Facts, Unreadable
 from rtctl.readiness.finding import Finding, Verdict, costs, good, unknown
 from rtctl.readiness.obtained import obtain
+from rtctl.readiness.verdicts import KEPT
 from rtctl.settings import Settings
 from rtctl.warmup import is_warm
 
@@ -58,6 +59,7 @@ def examine(settings: Settings, facts: Facts | None = None, watched_s: float = W
         _look("preemption", lambda: kernel.preemption(facts)),
         _look("real-time throttling", lambda: kernel.throttling(facts)),
         _look("transparent huge pages", lambda: kernel.huge_pages(facts)),
+        _look("swap", lambda: kernel.swap(facts)),
         _look("clock source", lambda: kernel.clock_source(facts)),
         _look("isolated core", lambda: core.isolation(facts, number)),
         _look("kernel's tick and callbacks", lambda: core.quiet_kernel(facts, number)),
@@ -69,6 +71,7 @@ def examine(settings: Settings, facts: Facts | None = None, watched_s: float = W
         *_differences(facts, number, watched_s),
         *packages.versions(),
         _compiled(settings),
+        _certified(settings),
         *(_obtained(check.name, check.obtained, check.good, check.remedy) for check in obtained.checks),
     ]
     return Diagnosis(number, tuple(findings), obtained.grade)
@@ -110,6 +113,18 @@ def _compiled(settings: Settings) -> Finding:
     if is_warm(settings):
         return good(name, f"complete for {settings.robot.kind} on {settings.backend.name}")
     return costs(name, f"not complete for {settings.robot.kind} on {settings.backend.name}", "the first start takes a minute longer", "rtctl warmup")  # fmt: skip
+
+
+def _certified(settings: Settings) -> Finding:
+    name, found = "certificate", certificate.newest(settings)
+    remedy = "rtctl certify, with these settings"
+    if found is None:
+        return costs(name, "none for this machine, these settings and these kernels", "nobody has measured how the loop keeps time here", remedy)  # fmt: skip
+    path, document = found
+    words = f"{path.name} of {document['begun']}: promises {document['verdict']}"
+    if document["verdict"] == KEPT:
+        return good(name, words)
+    return costs(name, words, "see its page", remedy)
 
 
 def _obtained(name: str, found: str, is_good: bool, remedy: str) -> Finding:

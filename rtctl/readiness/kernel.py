@@ -56,6 +56,17 @@ def huge_pages(facts: Facts) -> Finding:
     return costs(name, "always", "memory is moved while the loop runs: page faults of some 10 us", "echo madvise > /sys/kernel/mm/transparent_hugepage/enabled")  # fmt: skip
 
 
+def swap(facts: Facts) -> Finding:
+    """Whether memory may go to a disk: that of the loop is locked, that of the gateway is not."""
+    name, lines = "swap", facts.text("proc/swaps").splitlines()
+    if not lines or not lines[0].startswith("Filename"):
+        raise Unreadable("/proc/swaps: it has no heading")
+    used = [line.split()[0] for line in lines[1:]]
+    if not used:
+        return good(name, "none")
+    return costs(name, ", ".join(used), "a gateway that was swapped out is silent until the disk has answered, and the motion pauses", "swapoff -a, and take it out of /etc/fstab")  # fmt: skip
+
+
 def clock_source(facts: Facts) -> Finding:
     """What the clock is read from."""
     name, source = "clock source", facts.text("sys/devices/system/clocksource/clocksource0/current_clocksource")

@@ -58,22 +58,29 @@ class Picture:
 
 def page(recording: Recording, summary: Mapping[str, Any], pictures: Iterable[Picture]) -> str:
     """The page, an HTML text."""
-    template = Template((files("rtctl.report") / "page.html").read_text())
     outcome = str(summary["outcome"])
     robot = recording.settings.robot
-    return template.substitute(
+    return fill(
+        "page.html",
+        COLOURS.get(outcome, ORANGE),
         title=escape(f"{TITLES[outcome]}: {_depth(summary)} with robot {robot.name}"),
-        accent=COLOURS.get(outcome, ORANGE),
         outcome=escape(outcome),
         subtitle=_subtitle(recording, summary),
         causes=_causes(summary),
         tiles="".join(_tile(summary, *tile) for tile in TILES),
-        pictures=_columns(pictures),
+        pictures=columns(pictures),
         notes=_notes(summary),
         events=_events(recording),
         figures=_figures(summary),
         settings=_settings(recording.settings),
     )
+
+
+def fill(template: str, accent: str, **content: str) -> str:
+    """A template beside this file, filled with HTML; `accent` is the colour of the outcome."""
+    folder = files("rtctl.report")
+    style = Template((folder / "page.css").read_text()).substitute(accent=accent)
+    return Template((folder / template).read_text()).substitute(style=style.rstrip(), **content)
 
 
 def _depth(summary: Mapping[str, Any]) -> str:
@@ -111,7 +118,7 @@ def _tile(summary: Mapping[str, Any], name: str, words: str, factor: float, deci
     return f'<div class="tile"><b>{text}</b><span>{escape(words)}</span></div>'
 
 
-def _columns(pictures: Iterable[Picture]) -> str:
+def columns(pictures: Iterable[Picture]) -> str:
     """Two columns, each picture into the shorter one."""
     columns, heights = ["", ""], [0.0, 0.0]
     for picture in pictures:
