@@ -82,7 +82,7 @@ class Loop:
             self._prepare(verb, tick)
         c.step()
         self.backend.write(tick, c.actuators)
-        finish(clock, c.record, s.records, s.control)
+        finish(clock, c.sensors, c.record, s.records, s.control)
         if self.truth is not None:
             publish_truth(c.record, self.truth, s.truths)
         return self.ending_since >= 0 and verb == Verb.DISABLE
@@ -146,7 +146,7 @@ def cruise(
         read(device[0], record[0].tick, sensors[0])
         run_tick(memory[0], sensors[0], actuators[0], record[0])
         write(device[0], record[0].tick, actuators[0])
-        finish(clock, record, records, control)
+        finish(clock, sensors, record, records, control)
         publish_truth(record, truth, truths)
         ticks -= 1
     return ticks
@@ -167,9 +167,10 @@ def begin(clock, control, mailbox, poller, memory, record, heartbeat_ticks, perm
 
 
 @kernel
-def finish(clock, record, records, control):
-    """Stamp the duration, put the record into the ring, and update the control words others watch."""
+def finish(clock, sensors, record, records, control):
+    """Follow the device, stamp the duration, put the record into the ring, and update the words others watch."""
     r = record[0]
+    clocks.follow(clock[0], sensors[0].device_time_s, r)
     clocks.stamp_duration(clock[0], r)
     commit(records, r)
     store_release(control, Word.TICK, r.tick)

@@ -94,7 +94,9 @@ def run_rows(rows, replayed, memory, sensors, actuators):
             command.argument[i] = row.command_argument[i]
         out.tick, out.time_ns = row.tick, row.time_ns
         out.missed_ticks, out.gateway_health = row.missed_ticks, row.gateway_health
+        out.clock_state = row.clock_state
         out.tick_ns, out.lateness_ns = row.tick_ns, row.lateness_ns
+        out.clock_error_s, out.clock_moved_ns = row.clock_error_s, row.clock_moved_ns
         run_tick(memory[0], s, actuators[0], out)
 
 
