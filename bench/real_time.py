@@ -37,6 +37,7 @@ class BenchOperator:
 
     def __init__(self, daemon: Daemon) -> None:
         self._daemon, settings = daemon, daemon.settings
+        self.control = daemon.control
         self.robot = robots.load(settings.robot.kind, settings.robot.geometry)
         self._commander = Commander(daemon.segment, settings.loop.period_s)
         self._ring = RingReader(daemon.segment.records, daemon.segment.layout.record, limit=4096)

@@ -75,9 +75,9 @@ class Loop:
             clock, s.control, s.mailbox, self.poller, c.memory, c.record, self.heartbeat_ticks, self.permission
         )
         tick = int(clock["tick"][0])
+        self.backend.read(tick, c.sensors)  # at once: a device's time belongs to the wake-up
         if self.ending_since >= 0 or must_end(s.control):
             verb = self._order_end(tick)
-        self.backend.read(tick, c.sensors)
         if verb:
             self._prepare(verb, tick)
         c.step()

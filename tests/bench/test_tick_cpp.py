@@ -186,7 +186,11 @@ def begin(settings, native, piece, skipped, seed):
         memory["parameters"]["following_error_rad"] = 1e9
     parameters = memory["parameters"]
     if seed % 5 == 0:
-        parameters["overrun_window_ticks"], parameters["overrun_window_limit"], parameters["overrun_windows"] = 20, 1, 1 + seed % 2
+        parameters["overrun_window_ticks"], parameters["overrun_window_limit"], parameters["overrun_windows"] = (
+            20,
+            1,
+            1 + seed % 2,
+        )
     else:  # a second of rest after every gap would be most of what there is to see
         parameters["overrun_window_limit"] = parameters["overrun_window_ticks"]
     if seed % 4 == 3:  # a small room, so that insertions and streams come to its walls
