@@ -29,6 +29,7 @@ CLOCK = np.dtype(
         ("tick", "i8"),
         ("due_ns", "i8"),
         ("woken_ns", "i8"),
+        ("interrupted", "i8"),
         ("timespec", "i8", (2,)),
         ("follower", FOLLOWER),
     ],
@@ -36,7 +37,7 @@ CLOCK = np.dtype(
 )
 """A grid clock: tick k is due at origin + k period on the monotonic clock, and is stamped epoch + k period.
 
-The last spin_ns before it are not slept. What follows a device moves origin and epoch together."""
+The last spin_ns before it are not slept. interrupted: a signal came during a sleep. What follows a device moves origin and epoch together."""
 
 
 def grid(period_s: float) -> np.ndarray:
@@ -74,6 +75,8 @@ def wait(clock, record):
     while result == INTERRUPTED:
         clock.timespec[0], clock.timespec[1] = asleep_ns // 1_000_000_000, asleep_ns % 1_000_000_000
         result = _nanosleep(MONOTONIC, ABSOLUTE, clock.timespec.ctypes.data, 0)
+        if result == INTERRUPTED:
+            clock.interrupted = 1
     clock.woken_ns = now_ns(clock)
     while clock.woken_ns < clock.due_ns:
         clock.woken_ns = now_ns(clock)

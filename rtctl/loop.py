@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hal.backend import Backend
-from hal.kernel import kernel, specialised
+from hal.kernel import Pointer, entry, kernel, specialised
 from rtctl import clock as clocks
 from rtctl.commands import COMMAND, Verb
 from rtctl.controller import Controller
@@ -18,8 +18,8 @@ from rtctl.exchange.ring import commit
 from rtctl.exchange.segment import Segment
 from rtctl.tick import tick as run_tick
 
-CRUISE_TICKS = 100
-"""Ticks without the interpreter at most, so that it can deal with signals."""
+CRUISE_S = 1.0
+"""Longest time without the interpreter: a signal ends it at once, unless it comes while a tick computes."""
 STOP_LIMIT_TICKS = 3000
 """A motion that has not come to rest this long after a request to end is cut off."""
 
@@ -50,16 +50,17 @@ class Loop:
         if device is not None and self.truth is not None:
             memory = controller.memory, controller.sensors, controller.actuators, controller.record, self.poller
             exchange = segment.control, segment.mailbox, segment.records, segment.truths, self.truth
-            hal = device.device, device.read, device.write
+            hal = device.device, Pointer(device.read), Pointer(device.write)
             self.cruise_arguments = *memory, *exchange, *hal, self.heartbeat_ticks, self.permission
-            self.cruise = specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments))
+            self.cruise = entry(specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments)))
+            self.cruise_ticks = round(CRUISE_S / controller.settings.loop.period_s)
 
     def run(self, clock: np.ndarray, ticks: int | None = None) -> None:
         """Run until somebody asks for a stop (control word STOP_REQUEST), or for `ticks` ticks; end without power."""
         last = None if ticks is None else int(clock["tick"][0]) + ticks
         while last is None or clock["tick"][0] < last:
             if self.cruise is not None:
-                ticks = CRUISE_TICKS if last is None else min(CRUISE_TICKS, last - int(clock["tick"][0]))
+                ticks = self.cruise_ticks if last is None else min(self.cruise_ticks, last - int(clock["tick"][0]))
                 if self.cruise(clock, ticks, *self.cruise_arguments) == 0:
                     continue
             if self.cycle(clock):
@@ -136,10 +137,13 @@ def cruise(
 ):
     """Up to `ticks` ticks without the interpreter, as long as nobody wants anything; see :meth:`Loop.cycle`.
 
-    Returns how many ticks are left: 0, unless somebody wants something. A command that comes while a tick is awaited
+    Returns how many ticks are left: 0 at the end or after a signal, else somebody wants something. A command that comes while a tick is awaited
     stays in the mailbox for the next one. A kernel once :class:`Loop` has compiled it for a device of kernels.
     """
-    while ticks > 0 and is_empty(mailbox) and not must_end(control):
+    clock[0].interrupted = 0
+    while ticks > 0 and not clock[0].interrupted:
+        if must_end(control) or not is_empty(mailbox):
+            return ticks
         clocks.wait(clock[0], record[0])
         record[0].gateway_health = listen(control, poller[0], heartbeat_ticks) | permission
         forget(memory[0].command)
@@ -149,7 +153,7 @@ def cruise(
         finish(clock, sensors, record, records, control)
         publish_truth(record, truth, truths)
         ticks -= 1
-    return ticks
+    return 0
 
 
 @kernel
