@@ -16,7 +16,7 @@ unexport VIRTUAL_ENV PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help run test check bench warmup docs/reference lock install clean
+.PHONY: help run test check bench golden warmup docs/reference lock install clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z\/]+:.*## / { printf "  make %-16s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -44,6 +44,9 @@ check: $(READY)  ## style, types, import contracts, and whether the reference pa
 
 bench: $(READY)  ## speed: tick against C++ (g++), wake-up against cyclictest (rt-tests), lockstep [ARGS=--help]
 	@$(BIN)/python -m bench $(ARGS)
+
+golden: $(READY)  ## golden logs anew, after a change of arithmetic that was meant: say why in the commit
+	@$(BIN)/python tests/rtctl/golden/make_golden.py $(ARGS)
 
 warmup: $(READY)  ## compile the kernels now instead of at the first start
 	@$(BIN)/rtctl warmup $(CONFIG)

@@ -25,6 +25,7 @@ from bench import (
     rates,
     rod_study,
     spin_cost,
+    stage_cost,
     storm,
     tick_cost,
     wake_up,
@@ -34,7 +35,22 @@ from bench.recorded import record_insertion
 from hal.errors import RtctlError
 from rtctl.settings import load
 
-SPEED = ("tick", "loop", "wake-up", "rates", "storm", "spin", "lockstep", "exchange", "guidance", "planning", "impedance", "hardware", "epos")  # fmt: skip
+SPEED = (
+    "tick",
+    "loop",
+    "stages",
+    "wake-up",
+    "rates",
+    "storm",
+    "spin",
+    "lockstep",
+    "exchange",
+    "guidance",
+    "planning",
+    "impedance",
+    "hardware",
+    "epos",
+)
 STUDIES = ("rod", "robustness", "phenomena", "mujoco")
 """Of the array by itself; they take minutes, and only when asked for."""
 PARTS = SPEED + STUDIES
@@ -113,6 +129,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
     measurements: dict[str, Callable[[], list[Figure]]] = {
         "tick": lambda: tick_cost.measure(settings, pieces),
         "loop": lambda: loop_cost.measure(settings),
+        "stages": lambda: stage_cost.measure(settings, arguments.seconds),
         "wake-up": lambda: wake_up.measure(settings, arguments.rounds, arguments.seconds),
         "rates": lambda: rates.measure(settings, pieces, max(arguments.rounds // 3, 1), arguments.seconds),
         "storm": lambda: storm.measure(settings, arguments.rounds, arguments.seconds),

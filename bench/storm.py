@@ -1,6 +1,7 @@
 """(h) Whether a storm of clients on the gateway makes the loop late: seconds of storm and of calm in turns, in one run."""
 
 import contextlib
+import json
 import os
 import signal
 import socket
@@ -23,7 +24,7 @@ PART = "storm"
 TARGET = Target(1.2)
 PERCENTILES = {50.0: None, 99.0: TARGET, 99.9: None}
 CLIENTS = 2
-SETTLE_S = 0.3
+SETTLE_S, START_S = 0.3, 3.0
 
 
 def measure(settings: Settings, rounds: int, seconds: float) -> list[Figure]:
@@ -60,9 +61,7 @@ def measure(settings: Settings, rounds: int, seconds: float) -> list[Figure]:
 
     run_daemon(settings, operate, gateway=True)
     storm, calm = np.array(lateness)
-    note = (
-        f"{CLIENTS} clients, {sum(asked) / (rounds * (seconds + SETTLE_S)):.0f} queries/s, every second one malformed"
-    )
+    note = f"{CLIENTS} clients, {sum(asked) / (rounds * (seconds + SETTLE_S) + START_S):.0f} queries/s, a third of them malformed"
     figures = []
     for k, (percent, target) in enumerate(PERCENTILES.items()):
         name, ours, theirs = f"lateness p{percent:g} in a storm", storm[:, k], calm[:, k]
@@ -87,21 +86,20 @@ def _lateness_us(daemon: Daemon, seconds: float) -> np.ndarray:
 
 @contextlib.contextmanager
 def _clients(settings: Settings) -> Iterator[list[subprocess.Popen]]:
-    """Clients that ask as fast as they can, each a process of its own at normal priority.
+    """Clients of the soak that ask without a rest, each a process of its own at normal priority.
 
     Real ones are on other machines: here they are kept off the loop's core, unless it is the only one. The gateway is not.
     """
     cores = os.sched_getaffinity(0)
     cores = cores - {settings.loop.cpu if settings.loop.cpu >= 0 else max(cores)} or cores
-    command = [sys.executable, "-m", "bench.storm_client", settings.gateway.endpoint, settings.robot.name]
+    command = [sys.executable, "-m", "rtctl.soak.storm", "--rest", "0"]
+    command += ["--robot", settings.robot.name, "--endpoint", settings.gateway.endpoint, "--seed"]
     clients: list[subprocess.Popen] = []
     try:
-        for _ in range(CLIENTS):
-            clients.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        for seed in range(CLIENTS):
+            clients.append(subprocess.Popen([*command, str(seed)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))  # fmt: skip
             os.sched_setaffinity(clients[-1].pid, cores)  # before it has threads
-            assert clients[-1].stdout is not None
-            clients[-1].stdout.readline()  # it has begun
-        time.sleep(SETTLE_S)
+        time.sleep(START_S)
         yield clients
     finally:
         for client in clients:
@@ -110,7 +108,6 @@ def _clients(settings: Settings) -> Iterator[list[subprocess.Popen]]:
 
 
 def _count(client: subprocess.Popen) -> int:
-    """Ask a client to end, and take the number of its queries."""
-    client.terminate()
+    """End a client by closing its input, and take the number of its queries."""
     text, _ = client.communicate()
-    return int(text)
+    return int(json.loads(text)["sent"])

@@ -37,6 +37,7 @@ class Trouble(enum.IntEnum):
     INDEX_DRIFT = 13
     INDEX_LOST = 14
     WRONG_WAY = 15
+    INDEX_MISSING = 16
     # amplifier
     AMPLIFIER_NOT_READY = 20
     MOTOR_HOT = 21
@@ -45,7 +46,6 @@ class Trouble(enum.IntEnum):
     GAUGE_FROZEN = 31
     GAUGE_CABLE = 32
     GAUGE_NOISE = 33
-    GAUGE_DRIFT = 34
     LOAD_HIGH = 35
     LOAD_OVER_RATED = 36
     SENSOR_STATUS = 37
@@ -96,6 +96,7 @@ TABLE: dict[Trouble, Row] = {
     Trouble.ENCODER_STALLED: Row(F, "axis {value:.0f} is driven and does not count", "look for a cut encoder wire or a jam, then home again"),
     Trouble.INDEX_DRIFT: Row(W, "an encoder is {value:.0f} counts off its index", "finish; then check its cable and home again"),
     Trouble.INDEX_LOST: Row(F, "an encoder is {value:.0f} counts off its index: its position is lost", "check its cable and shield, then home again"),
+    Trouble.INDEX_MISSING: Row(W, "the encoder of axis {value:.0f} turned by more than a turn without an index pulse", "finish; then check the wires of its index: until they are mended lost counts go unnoticed"),
     Trouble.WRONG_WAY: Row(F, "axis {value:.0f} turns against its command", "compare the motor's and the encoder's wires with the settings"),
     Trouble.AMPLIFIER_NOT_READY: Row(F, "the amplifier of axis {value:.0f} is not ready", "check its supply, its temperature and its Ready line, then acknowledge"),
     Trouble.MOTOR_HOT: Row(P, "the motor of axis {value:.0f} has reached its thermal limit", "let it cool down; look for a jam"),
@@ -103,7 +104,6 @@ TABLE: dict[Trouble, Row] = {
     Trouble.GAUGE_FROZEN: Row(W, "gauge {value:.0f} does not change any more", "check the card's converter and the sensor's cable"),
     Trouble.GAUGE_CABLE: Row(W, "all gauges are at their rails: the sensor's cable is off", "connect the cable, then unbias again"),
     Trouble.GAUGE_NOISE: Row(W, "a gauge is noisy: {value:.3g} V rms", "check shield and ground of the sensor's cable"),
-    Trouble.GAUGE_DRIFT: Row(W, "the unloaded sensor drifted by {value:.3g} N since it was unbiased", "unload it and unbias again"),
     Trouble.LOAD_HIGH: Row(P, "the sensor bears {value:.0f} % of what it is made for", "take the load off; look what presses"),
     Trouble.LOAD_OVER_RATED: Row(F, "the sensor bears {value:.0f} % of what it is made for", "take the load off, and calibrate the sensor before you trust it again"),
     Trouble.SENSOR_STATUS: Row(W, "the force sensor reports status bit {value:.0f}", "look the bit up in the sensor's manual"),

@@ -15,10 +15,10 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
 import numpy as np
@@ -28,7 +28,12 @@ from hal.errors import RtctlError
 from rtctl.commands import CommandRefused, Verb
 from rtctl.gateway.keys import REQUESTS, STAGED, key_of
 from rtctl.gateway.transport import configure
+from rtctl.lifecycle import Operating
 from rtctl.record import CDR_HEADER, controller_table
+
+if TYPE_CHECKING:
+    from rtctl.scope.client import RemoteScope
+    from rtctl.scope.setup import Trigger
 
 CONNECT_S = 1.0
 CLOSE_S = 2.0
@@ -65,6 +70,8 @@ class Reply:
 
     tick: int | None = None
     result: dict[str, Any] = field(default_factory=dict)
+    data: bytes = b""
+    """of a capture"""
 
 
 class Client:
@@ -123,13 +130,21 @@ class Client:
         """Have the controller do `verb`; its arguments are documented at :class:`rtctl.commands.Verb`.
 
         Raises:
-            CommandRefused: it was refused, with the reason and the remedy.
+            CommandRefused: it was refused, with the reason and the remedy; in FAULT its attribute `blackbox` holds
+                the ticks around the fault, as :meth:`blackbox` gives them.
             NoReply: nobody answered; whether it took effect is not known.
         """
         if verb == Verb.NONE or verb in STAGED:
             raise ValueError(f"{verb.name} is not for clients: use plan() or set_parameters()")
         fields = {"arguments": [float(a) for a in arguments]}
-        return self._request(key_of(verb), fields, valid_for_s=valid_for_s)
+        try:
+            return self._request(key_of(verb), fields, valid_for_s=valid_for_s)
+        except CommandRefused as refused:
+            row = self.latest()
+            if row is not None and row["operating_state"] == Operating.FAULT:
+                with contextlib.suppress(RtctlError):  # it is a help, and not what was asked for
+                    refused.blackbox = self.blackbox()
+            raise
 
     def stop(self) -> Reply:
         """Brake and hold; needs no lease."""
@@ -150,6 +165,18 @@ class Client:
     def status(self) -> dict[str, Any]:
         """Everything an operator wants to see at a glance."""
         return self._request("status", {}).result
+
+    def blackbox(self, tick: int | None = None) -> dict[str, Any]:
+        """The black box of the last fault, or of the tick over budget that an event named.
+
+        `text` says what happened and who held the loop; `rows` are stage times, page faults and context switches of
+        up to 101 ticks around it; of a fault, `signals` are the values of the important signals there. Both
+        are columns: name -> one value a tick.
+
+        Raises:
+            CommandRefused: there is none, or it is one of so long ago that only the log has it.
+        """
+        return self._request("blackbox", {"tick": tick}).result
 
     def parameters(self, *names: str) -> dict[str, Any]:
         """Values in force by dotted name; of all options without `names`."""
@@ -209,6 +236,27 @@ class Client:
 
         self._subscribers.append(self._session.declare_subscriber(self._key(key), receive))
 
+    def scope(
+        self, signals: Sequence[str], trigger: "Trigger | str | None" = None, *, edge: str = "", **setup: Any
+    ) -> "RemoteScope":
+        """Open a scope: captures of `signals` at the full rate around a trigger; needs no lease.
+
+        Args:
+            signals: names of signals of the record, ``wrench_in_base[2]`` for one number of a vector.
+            trigger: one of :data:`rtctl.scope.setup.Trigger`, or text as in ``'force_axial_n < -0.05'``; None: at once.
+            edge: with a text: rising, falling or either, to wait for the edge and not for the level.
+            setup: samples, pre, decimation, captures, auto of :class:`rtctl.scope.setup.Setup`.
+
+        Raises:
+            ScopeError: the setup is not one.
+            CommandRefused: it is refused, with the reason and the remedy.
+        """
+        from rtctl.scope.client import RemoteScope
+        from rtctl.scope.setup import Free, make_setup, parse_trigger
+
+        chosen = parse_trigger(trigger, edge) if isinstance(trigger, str) else trigger or Free()
+        return RemoteScope(self._request, make_setup(signals=signals, trigger=chosen, **setup))
+
     def is_alive(self) -> bool:
         """True if a gateway of this robot is on the network."""
         replies = self._session.liveliness().get(self._key("alive"), timeout=self.timeout_s)
@@ -259,7 +307,7 @@ class Client:
         )
         for reply in replies:
             if reply.ok is not None:
-                return _read(reply.ok.payload.to_bytes())
+                return _read(reply.ok)
         bound = f"within {timeout_s or self.timeout_s:g} s"
         raise NoReply(f"no reply to {name}", bound=bound, remedy=self._who_is_there())
 
@@ -318,10 +366,11 @@ def open_session(endpoint: str, user: str = "", password: str = "") -> zenoh.Ses
         raise NoReply("nobody answers", value=endpoint, remedy=remedy) from None
 
 
-def _read(payload: bytes) -> Reply:
-    content = json.loads(payload)
+def _read(sample: zenoh.Sample) -> Reply:
+    content = json.loads(sample.payload.to_bytes())
     if content["accepted"]:
-        return Reply(content.get("tick"), content.get("result", {}))
+        data = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        return Reply(content.get("tick"), content.get("result", {}), data)
     bound = content.get("bound")
     raise CommandRefused(
         content.get("reason", ""),

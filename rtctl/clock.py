@@ -13,8 +13,10 @@ from numba import types
 from hal.kernel import kernel
 from rtctl.device_clock import FOLLOWER, GRID, WATCHING, move_ns
 from rtctl.settings import Loop
+from rtctl.stages import WRITE
 
 MONOTONIC, ABSOLUTE, INTERRUPTED = 1, 1, 4
+LONGEST_NS = 2**31 - 1
 
 # by name, not through a function pointer, so that the kernels can be cached
 _nanosleep = types.ExternalFunction("clock_nanosleep", types.int32(types.int32, types.int32, types.uintp, types.uintp))
@@ -30,6 +32,7 @@ CLOCK = np.dtype(
         ("due_ns", "i8"),
         ("woken_ns", "i8"),
         ("interrupted", "i8"),
+        ("stamp_ns", "i8"),
         ("timespec", "i8", (2,)),
         ("follower", FOLLOWER),
     ],
@@ -77,10 +80,11 @@ def wait(clock, record):
         result = _nanosleep(MONOTONIC, ABSOLUTE, clock.timespec.ctypes.data, 0)
         if result == INTERRUPTED:
             clock.interrupted = 1
-    clock.woken_ns = now_ns(clock)
-    while clock.woken_ns < clock.due_ns:
-        clock.woken_ns = now_ns(clock)
-    record.lateness_ns = min(clock.woken_ns - clock.due_ns, 2**31 - 1)
+    woken = now_ns(clock)
+    while woken < clock.due_ns:
+        woken = now_ns(clock)
+    clock.woken_ns = clock.stamp_ns = woken
+    record.lateness_ns = min(woken - clock.due_ns, LONGEST_NS)
 
 
 @kernel
@@ -109,6 +113,15 @@ def follow(clock, device_time_s, record):
 
 
 @kernel
+def stamp(clock, record, stage):
+    """End a stage (:mod:`rtctl.stages`): note how long ago the one before it ended, or the wake-up was."""
+    now = now_ns(clock)
+    record.stage_ns[stage] = min(now - clock.stamp_ns, LONGEST_NS)
+    clock.stamp_ns = now
+
+
+@kernel
 def stamp_duration(clock, record):
-    """Note how long the tick has taken since it was woken."""
-    record.tick_ns = min(now_ns(clock) - clock.woken_ns, 2**31 - 1)
+    """End the last stage before the record is passed on, and note how long the tick has taken since it was woken."""
+    stamp(clock, record, WRITE)
+    record.tick_ns = min(clock.stamp_ns - clock.woken_ns, LONGEST_NS)

@@ -2,6 +2,7 @@
 
 import enum
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -82,6 +83,7 @@ class Reason(enum.IntEnum):
     NO_POWER = 22
     UNKNOWN_VERB = 23
     INSERTED = 24
+    AXES_UNKNOWN = 25
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,7 @@ EXPLANATIONS: dict[Reason, Explanation] = {
     Reason.NOT_REGISTERED: Explanation("the entry is not registered", "move the gripper to the entry and run `rtctl register`"),
     Reason.NO_POWER: Explanation("the amplifiers are not energised", "run `rtctl enable`"),
     Reason.INSERTED: Explanation("the array is {value:.3g} mm inside the cochlea", "retract it, or end the insertion with `rtctl stop`"),
+    Reason.AXES_UNKNOWN: Explanation("the angle of motor {value:.0f} (from 0) is not known yet", "wait until its encoder or drive answers (`rtctl devices list`), then enable"),
     Reason.UNKNOWN_VERB: Explanation("unknown command number {value:.0f}", "update the client"),
 }  # fmt: skip
 
@@ -135,6 +138,8 @@ class CommandRefused(RtctlError):
 
     def __init__(self, reason: str, what: str, *, value: object = None, bound: str = "", remedy: str = "") -> None:
         self.reason = reason
+        self.blackbox: dict[str, Any] | None = None
+        """refused in FAULT: what the last ticks before it were, see :meth:`rtctl.client.Client.blackbox`"""
         super().__init__(what, value=value, bound=bound, remedy=remedy)
 
     def __str__(self) -> str:

@@ -26,7 +26,8 @@ def raise_condition(state, record, condition, value, bound):
 @kernel
 def watch_inputs(parameters, state, sensors, record):
     """Devices, power, kinematics, forces and the world outside, before anything is decided."""
-    if state.axes_silent_ticks > parameters.axes_age_ticks:
+    known = math.isfinite(state.angle_rad[0])  # all axes are known since the same tick; what never was cannot get lost
+    if known and state.axes_silent_ticks > parameters.axes_age_ticks:
         silent, limit = float(state.axes_silent_ticks), float(parameters.axes_age_ticks)
         raise_condition(state, record, Condition.AXES_LOST, silent, limit)
         state.homed = 0  # nobody knows how far the motors have turned since
@@ -47,6 +48,7 @@ def watch_inputs(parameters, state, sensors, record):
     moving = state.motion != Motion.HOLD
     if moving and state.array_loaded and state.task != Task.RETRACTING:
         _watch_force(parameters, state, sensors, record)
+    _watch_drift(parameters, state, sensors, record)
     if record.missed_ticks > parameters.overrun_ticks:
         raise_condition(state, record, Condition.OVERRUN, float(record.missed_ticks), float(parameters.overrun_ticks))
     _watch_overruns(parameters, state, record)
@@ -95,6 +97,20 @@ def _watch_force(parameters, state, sensors, record):
         force = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
         if force > parameters.force_limit_n:
             raise_condition(state, record, Condition.FORCE_LIMIT, force, parameters.force_limit_n)
+
+
+@kernel
+def _watch_drift(parameters, state, sensors, record):
+    """Nothing touches an array that is loaded and not yet in the cochlea: a force that stays is drift (07 section 7)."""
+    f = record.wrench_in_base
+    outside = state.task == Task.IDLE or state.task == Task.APPROACH or state.task == Task.AT_ENTRY
+    force = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])  # NaN before unbiasing and without a sensor
+    if outside and state.array_loaded and sensors.wrench_validity == VALID and force > parameters.drift_limit_n:
+        state.drift_ticks += 1
+    else:
+        state.drift_ticks = 0
+    if state.drift_ticks > parameters.drift_ticks:
+        raise_condition(state, record, Condition.FORCE_DRIFT, force, parameters.drift_limit_n)
 
 
 @kernel

@@ -38,11 +38,7 @@ def judge(memory, sensors, record):
         if not math.isfinite(command.argument[i]):
             return refuse(record, Reason.NOT_FINITE, command.argument[i], float(i))
     if verb == Verb.ENABLE:
-        return (
-            Reason.ACCEPTED
-            if record.gateway_health & ARMING_ALLOWED
-            else refuse(record, Reason.NOT_REAL_TIME, math.nan, math.nan)
-        )
+        return _judge_enable(state, record)
     if verb == Verb.LOAD_PLAN:
         if memory.staged_plan.number != int(command.argument[0]):
             return refuse(record, Reason.STALE_SLOT, command.argument[0], math.nan)
@@ -64,6 +60,17 @@ def judge(memory, sensors, record):
 def _inside(state):
     """The array is in the cochlea and the insertion has not been ended by the operator."""
     return state.on_path and state.setpoint[state.setpoint.shape[0] - 1] > 0.0 and state.task != Task.DONE
+
+
+@kernel
+def _judge_enable(state, record):
+    """Power only for a machine that may have it, and whose motors are known: their rest is the first reference."""
+    if not record.gateway_health & ARMING_ALLOWED:
+        return refuse(record, Reason.NOT_REAL_TIME, math.nan, math.nan)
+    for i in range(state.angle_rad.shape[0]):
+        if not math.isfinite(state.angle_rad[i]):
+            return refuse(record, Reason.AXES_UNKNOWN, float(i), math.nan)
+    return Reason.ACCEPTED
 
 
 @kernel
@@ -93,6 +100,8 @@ def _judge_task(memory, sensors, record):
     if verb == Verb.REGISTER_ENTRY or verb == Verb.UNBIAS or verb == Verb.LOAD_ARRAY:
         if not hlc.is_resting(memory):
             return refuse(record, Reason.BUSY, math.nan, math.nan)
+        if verb == Verb.UNBIAS and _inside(state):  # what it feels there must not become its zero
+            return refuse(record, Reason.INSERTED, depth, 0.0)
         if verb != Verb.LOAD_ARRAY:
             return Reason.ACCEPTED
         if state.stylet_reference_mm > 0.0 and not state.array_loaded:  # the rod is still on its way back

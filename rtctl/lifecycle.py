@@ -95,9 +95,10 @@ class Condition(enum.IntEnum):
     DEVICE_WARNING = 27
     DEVICE_PAUSE = 28
     DEVICE_FAULT = 29
-    OVERRUN_PERSISTENT = 30
-    OVERRUN_UNABATED = 31
-    DEVICE_CLOCK = 32
+    FORCE_DRIFT = 30
+    OVERRUN_PERSISTENT = 31
+    OVERRUN_UNABATED = 32
+    DEVICE_CLOCK = 33
 
 
 @dataclass(frozen=True)
@@ -140,6 +141,7 @@ TABLE: dict[Condition, Row] = {
     Condition.DEVICE_WARNING: Row(Reaction.NOTE, "a device reports a trouble", "see the table of troubles"),
     Condition.DEVICE_PAUSE: Row(Reaction.PAUSE, "a device asks for a pause", "see the table of troubles, then resume or retract"),
     Condition.DEVICE_FAULT: Row(Reaction.FAULT, "a device cannot go on", "see the table of troubles, then acknowledge"),
+    Condition.FORCE_DRIFT: Row(Reaction.NOTE, "the sensor feels {value:.3g} N with the array outside the cochlea (limit {bound:.3g})", "see that nothing touches the array; then the gauges have drifted: run `rtctl unbias`"),
     Condition.OVERRUN_PERSISTENT: Row(Reaction.PAUSE, "the loop missed {value:.0f} ticks of the window safety.overrun_window_s (limit {bound:.0f})", "relieve the machine (see docs/how-to/bring-up-a-target-pc.md); when a whole window has passed well, resume"),
     Condition.OVERRUN_UNABATED: Row(Reaction.FAULT, "the loop missed too many ticks in {value:.0f} windows in a row (limit {bound:.0f})", "relieve the machine (see docs/how-to/bring-up-a-target-pc.md), then acknowledge"),
     Condition.DEVICE_CLOCK: Row(Reaction.NOTE, "the time of the device that paces the loop cannot be true, so the grid is held as it is", "look at the device; the loop follows it again after a second of plausible time"),
@@ -174,6 +176,7 @@ WARNINGS = (
     Condition.IMPEDANCE_SILENT,
     Condition.IMPEDANCE_UNUSABLE,
     Condition.DEVICE_WARNING,
+    Condition.FORCE_DRIFT,
     Condition.DEVICE_CLOCK,
 )
 """Notes that the operator should see at once."""

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from hal.backend import Backend
-from hal.kernel import Pointer, entry, kernel, specialised
+from hal.kernel import Pointer, direct, kernel, specialised
 from rtctl import clock as clocks
+from rtctl import usage as usages
 from rtctl.commands import COMMAND, Verb
 from rtctl.controller import Controller
 from rtctl.exchange.atomics import load_acquire, store_release
@@ -16,6 +17,7 @@ from rtctl.exchange.mailbox import fetch, forget, is_empty
 from rtctl.exchange.poll import listen, new_poller, poll
 from rtctl.exchange.ring import commit
 from rtctl.exchange.segment import Segment
+from rtctl.stages import POLL, PREPARE, READ, RECORD, TICK
 from rtctl.tick import tick as run_tick
 
 CRUISE_S = 1.0
@@ -41,6 +43,7 @@ class Loop:
         self.heartbeat_ticks = heartbeat_ticks
         self.permission = ARMING_ALLOWED if may_arm else 0
         self.poller = new_poller(segment.control)
+        self.usage = np.zeros(1, usages.USAGE)
         truth = backend.truth()
         self.truth = truth[1] if truth is not None else None
         self.ending_since = -1
@@ -48,16 +51,24 @@ class Loop:
         self.cruise_arguments: tuple[Any, ...] = ()
         device = backend.compiled()
         if device is not None and self.truth is not None:
-            memory = controller.memory, controller.sensors, controller.actuators, controller.record, self.poller
+            memory = (
+                controller.memory,
+                controller.sensors,
+                controller.actuators,
+                controller.record,
+                self.poller,
+                self.usage,
+            )
             exchange = segment.control, segment.mailbox, segment.records, segment.truths, self.truth
             hal = device.device, Pointer(device.read), Pointer(device.write)
             self.cruise_arguments = *memory, *exchange, *hal, self.heartbeat_ticks, self.permission
-            self.cruise = entry(specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments)))
+            self.cruise = direct(specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments)))
             self.cruise_ticks = round(CRUISE_S / controller.settings.loop.period_s)
 
     def run(self, clock: np.ndarray, ticks: int | None = None) -> None:
         """Run until somebody asks for a stop (control word STOP_REQUEST), or for `ticks` ticks; end without power."""
         last = None if ticks is None else int(clock["tick"][0]) + ticks
+        ask_usage(self.usage)
         while last is None or clock["tick"][0] < last:
             if self.cruise is not None:
                 ticks = self.cruise_ticks if last is None else min(self.cruise_ticks, last - int(clock["tick"][0]))
@@ -77,15 +88,19 @@ class Loop:
         )
         tick = int(clock["tick"][0])
         self.backend.read(tick, c.sensors)  # at once: a device's time belongs to the wake-up
+        stamp(clock, c.record, READ)
         if self.ending_since >= 0 or must_end(s.control):
             verb = self._order_end(tick)
         if verb:
             self._prepare(verb, tick)
+            stamp(clock, c.record, PREPARE)
         c.step()
+        stamp(clock, c.record, TICK)
         self.backend.write(tick, c.actuators)
-        finish(clock, c.sensors, c.record, s.records, s.control)
+        finish(clock, c.sensors, c.record, self.usage, s.records, s.control)
         if self.truth is not None:
             publish_truth(c.record, self.truth, s.truths)
+        stamp(clock, c.record, RECORD)
         return self.ending_since >= 0 and verb == Verb.DISABLE
 
     def _prepare(self, verb: int, tick: int) -> None:
@@ -124,6 +139,7 @@ def cruise(
     actuators,
     record,
     poller,
+    usage,
     control,
     mailbox,
     records,
@@ -147,11 +163,16 @@ def cruise(
         clocks.wait(clock[0], record[0])
         record[0].gateway_health = listen(control, poller[0], heartbeat_ticks) | permission
         forget(memory[0].command)
+        record[0].stage_ns[PREPARE] = 0
+        stamp(clock, record, POLL)
         read(device[0], record[0].tick, sensors[0])
+        stamp(clock, record, READ)
         run_tick(memory[0], sensors[0], actuators[0], record[0])
+        stamp(clock, record, TICK)
         write(device[0], record[0].tick, actuators[0])
-        finish(clock, sensors, record, records, control)
+        finish(clock, sensors, record, usage, records, control)
         publish_truth(record, truth, truths)
+        stamp(clock, record, RECORD)
         ticks -= 1
     return 0
 
@@ -167,15 +188,30 @@ def begin(clock, control, mailbox, poller, memory, record, heartbeat_ticks, perm
     """Wait for the grid point, stamp the record, and look at the gateway once. Returns the verb of the command."""
     clocks.wait(clock[0], record[0])
     record[0].gateway_health = poll(control, mailbox, poller[0], memory[0].command, heartbeat_ticks) | permission
+    record[0].stage_ns[PREPARE] = 0
+    clocks.stamp(clock[0], record[0], POLL)
     return memory[0].command.verb
 
 
 @kernel
-def finish(clock, sensors, record, records, control):
+def stamp(clock, record, stage):
+    """End a stage. That of RECORD ends when the record is gone: it travels with the next one."""
+    clocks.stamp(clock[0], record[0], stage)
+
+
+@kernel
+def ask_usage(usage):
+    """Begin to count what the loop's thread costs the system."""
+    usages.ask(usage[0])
+
+
+@kernel
+def finish(clock, sensors, record, usage, records, control):
     """Follow the device, stamp the duration, put the record into the ring, and update the words others watch."""
     r = record[0]
     clocks.follow(clock[0], sensors[0].device_time_s, r)
     clocks.stamp_duration(clock[0], r)
+    usages.note(usage[0], r)
     commit(records, r)
     store_release(control, Word.TICK, r.tick)
     if r.missed_ticks > 0:

@@ -76,6 +76,8 @@ def parameters_dtype(dof: int) -> np.dtype:
             # safety
             ("following_error_rad", "f8"),
             ("force_limit_n", "f8"),
+            ("drift_limit_n", "f8"),
+            ("drift_ticks", "i8"),
             ("axes_age_ticks", "i8"),
             ("wrench_age_ticks", "i8"),
             ("power_on_ticks", "i8"),
@@ -171,6 +173,7 @@ def state_dtype(dof: int) -> np.dtype:
             ("bias_in_sensor", "f8", (6,)),
             ("unbias_sum", "f8", (6,)),
             ("unbias_left", "i8"),
+            ("drift_ticks", "i8"),
             # admittance
             ("lateral_offset_mm", "f8", (3,)),
             ("way_offset_mm", "f8", (WAY_ROWS, 3)),

@@ -1,6 +1,7 @@
 """The real-time process: one thread, one loop, nothing else. Started by :mod:`rtctl.daemon`."""
 
 import argparse
+import gc
 import json
 import os
 import signal
@@ -14,7 +15,7 @@ from hal.errors import BackendError, RtctlError
 from hal.kernel import loaded
 from rtctl import clock as clocks
 from rtctl.controller import Controller
-from rtctl.exchange.control import Grade, RealTimeState, Word, put
+from rtctl.exchange.control import Grade, RealTimeState, Word, get, put
 from rtctl.exchange.segment import Segment
 from rtctl.handover import layout, read_settings
 from rtctl.loop import Loop
@@ -69,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         put(control, Word.EPOCH_NS, int(clock["epoch_ns"][0]))
         put(control, Word.REAL_TIME_STATE, RealTimeState.RUNNING)
         rehearsed = loaded()
+        count_collections(control)
         loop.run(clock, arguments.ticks)
         for name in sorted(loaded() - rehearsed):
             print(f"rtctl: loaded while the loop ran, because it was not rehearsed: {name}", file=sys.stderr)
@@ -79,6 +81,16 @@ def run(arguments: argparse.Namespace) -> int:
         backend.close()
     put(control, Word.REAL_TIME_STATE, RealTimeState.STOPPED)
     return 0
+
+
+def count_collections(control: np.ndarray) -> None:
+    """Count what the garbage collector does from here on: nothing, unless somebody switches it on."""
+
+    def count(phase: str, _info: dict[str, int]) -> None:
+        if phase == "start":
+            put(control, Word.GARBAGE_COLLECTIONS, get(control, Word.GARBAGE_COLLECTIONS) + 1)
+
+    gc.callbacks.append(count)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ ordered by size, so that the row is naturally aligned without padding and at the
 """
 
 from hal.signals import TICK, TIME, Signal, Table
+from rtctl.stages import STAGES
 
 CDR_HEADER = b"\x00\x01\x00\x00"
 """Encapsulation: plain CDR, little endian."""
@@ -45,8 +46,21 @@ INPUTS = frozenset(
 )
 """What a replay feeds; everything else must come out again, except TIMING."""
 
-TIMING = frozenset({"tick_ns", "lateness_ns", "clock_error_s", "clock_moved_ns"})
-"""Measured by the clock, so different in every run, and zero in lockstep."""
+TIMING = frozenset(
+    [
+        "tick_ns",
+        "lateness_ns",
+        "clock_error_s",
+        "clock_moved_ns",
+        "stage_ns",
+        "minor_faults",
+        "major_faults",
+        "voluntary_switches",
+        "involuntary_switches",
+        "core",
+    ]
+)
+"""Measured of the machine, so different in every run, and zero in lockstep."""
 
 
 def controller_table(dof: int) -> Table:
@@ -139,6 +153,24 @@ def controller_table(dof: int) -> Table:
             s("clock_moved_ns", "i4", (), "ns", "how far the grid was moved after this tick, to follow the device"),
             s("tick_ns", "i4", (), "ns", "time the tick took, from wake-up to the end of the record"),
             s("lateness_ns", "i4", (), "ns", "wake-up after the grid point"),
+            s(
+                "stage_ns",
+                "i4",
+                (len(STAGES),),
+                "ns",
+                f"time of each stage: {', '.join(g.name for g in STAGES)}; the last is that of the tick before",
+            ),
+            s("minor_faults", "i4", (), "", "page faults of the loop's thread since the record before, without disk"),
+            s("major_faults", "i4", (), "", "the same, with disk"),
+            s(
+                "voluntary_switches",
+                "i4",
+                (),
+                "",
+                "times it went to sleep since the record before; 1 is the wait for the tick",
+            ),
+            s("involuntary_switches", "i4", (), "", "times another thread took its core away since the record before"),
+            s("core", "i4", (), "", "core it ran on"),
             s(
                 "gateway_health",
                 "u4",

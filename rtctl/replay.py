@@ -14,13 +14,22 @@ from hal.errors import RtctlError
 from hal.kernel import kernel, kernel_hash
 from rtctl.commands import Reason, Verb
 from rtctl.controller import Controller
-from rtctl.log.hashing import Difference, check_hashes, first_difference
+from rtctl.log.hashing import check_hashes
 from rtctl.log.reader import Log, open_many
+from rtctl.parameters import pack
+from rtctl.record import INPUTS
+from rtctl.replaying.difference import Difference, compared, first_difference
+from rtctl.replaying.elsewhere import with_values
 from rtctl.settings import from_table
 from rtctl.tick import tick as run_tick
 
 STAGED = {int(Verb.LOAD_PLAN): "staged_plan", int(Verb.SET_PARAMETERS): "staged_parameters"}
 """Where the data of a command wait for the tick."""
+
+Staged = dict[str, dict[int, bytes]]
+"""Name of :data:`STAGED` -> number -> raw record."""
+NEEDED = INPUTS | {"command_verdict"}
+"""Signals a replay reads off the log; the verdict tells whether staged data were there."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +41,8 @@ class Replay:
     difference: Difference | None
     same_kernels: bool
     """False: the code has changed since the log was written, which may explain a difference."""
+    not_compared: tuple[str, ...] = ()
+    """Outputs that only the log or only this version has."""
 
     @property
     def identical(self) -> bool:
@@ -41,31 +52,54 @@ class Replay:
 def run(paths: Iterable[str | Path]) -> Replay:
     """Replay a log, given as its file, or its files in order if the gateway was restarted.
 
+    A log of another version is compared in the signals that both have.
+
     Raises:
-        RtctlError: the log does not begin with the controller, has gaps, or lacks a plan or parameter set it used.
+        RtctlError: the log does not begin with the controller, has gaps, lacks a plan or parameter set it used, or
+            something that this version reads.
     """
     log = open_many(paths)
-    rows = log.controller
-    _check_whole(log, rows)
+    rows = whole_rows(log)
     controller = Controller(from_table(log.settings_table()))
-    if controller.table.dtype != rows.dtype:
-        raise RtctlError("the log has other signals than this version of rtctl", remedy="replay it with the revision in its header")  # fmt: skip
-    staged = {"staged_plan": _payloads(log.plans), "staged_parameters": _payloads(log.parameters)}
-    replayed = np.zeros_like(rows)
-    ordered = np.flatnonzero(rows["command_verb"]).tolist()
-    begin = 0
-    for at in ordered:
-        if at > begin:
-            run_rows(rows[begin:at], replayed[begin:at], controller.memory, controller.sensors, controller.actuators)
-        _prepare(controller, rows[at], staged)
-        run_rows(rows[at : at + 1], replayed[at : at + 1], controller.memory, controller.sensors, controller.actuators)
-        begin = at + 1
-    if begin < len(rows):
-        run_rows(rows[begin:], replayed[begin:], controller.memory, controller.sensors, controller.actuators)
+    replayed = rerun(controller, rows, staged_in(log, controller))
     difference = first_difference(rows, replayed)
     if difference is None and check_hashes(rows, log.hashes):
         raise RtctlError("the log's own hashes do not fit its rows", remedy="the file was changed after it was written")
-    return Replay(len(rows), len(ordered), difference, log.header.get("kernel_hash") == kernel_hash())
+    same_kernels = log.header.get("kernel_hash") == kernel_hash()
+    commands = int(np.count_nonzero(rows["command_verb"]))
+    return Replay(len(rows), commands, difference, same_kernels, tuple(compared(rows.dtype, replayed.dtype)[1]))
+
+
+def rerun(controller: Controller, rows: np.ndarray, staged: Staged) -> np.ndarray:
+    """The records (n,) that a fresh `controller` makes of the inputs in `rows` (n,), which may be of another version.
+
+    Raises:
+        RtctlError: an input, a plan or a parameter set is missing, or of another version.
+    """
+    fed = _as_this_version(rows, controller.table.dtype)
+    replayed = np.zeros_like(fed)
+    begin = 0
+    for at in np.flatnonzero(fed["command_verb"]).tolist():
+        if at > begin:
+            run_rows(fed[begin:at], replayed[begin:at], controller.memory, controller.sensors, controller.actuators)
+        _prepare(controller, fed[at], staged)
+        run_rows(fed[at : at + 1], replayed[at : at + 1], controller.memory, controller.sensors, controller.actuators)
+        begin = at + 1
+    if begin < len(fed):
+        run_rows(fed[begin:], replayed[begin:], controller.memory, controller.sensors, controller.actuators)
+    return replayed
+
+
+def staged_in(log: Log, controller: Controller) -> Staged:
+    """The plans and parameter sets of a log, bit for bit; sets of another layout are packed anew from their values."""
+    sets = _payloads(log.parameters)
+    size = controller.memory["staged_parameters"].dtype.itemsize
+    for message in log.parameters:
+        number = int(message["number"])
+        if len(sets[number]) != size and "values" in message:
+            settings = from_table(with_values(log.settings_table(), message["values"]))
+            sets[number] = pack(settings, controller.robot, number).tobytes()
+    return {"staged_plan": _payloads(log.plans), "staged_parameters": sets}
 
 
 @kernel
@@ -100,8 +134,13 @@ def run_rows(rows, replayed, memory, sensors, actuators):
         run_tick(memory[0], s, actuators[0], out)
 
 
-def _check_whole(log: Log, rows: np.ndarray) -> None:
-    """A replay needs every tick from the first on: what is missing cannot be made up."""
+def whole_rows(log: Log) -> np.ndarray:
+    """The controller's records from the first tick on: what is missing cannot be made up.
+
+    Raises:
+        RtctlError: there are none, or some are missing.
+    """
+    rows = log.controller
     if len(rows) == 0:
         raise RtctlError("the log holds no records of a controller", remedy="give a log.mcap of rtctl")
     if rows["tick"][0] - rows["missed_ticks"][0] != 0:
@@ -109,6 +148,20 @@ def _check_whole(log: Log, rows: np.ndarray) -> None:
     gaps = log.missing_ticks()
     if gaps:
         raise RtctlError("records are missing, so the controller's state is not known after them", value=gaps[0], bound="every tick", remedy="only the part before them can be trusted")  # fmt: skip
+    return rows
+
+
+def _as_this_version(rows: np.ndarray, dtype: np.dtype) -> np.ndarray:
+    """`rows` (n,) in the layout `dtype`, as far as they have its signals; the rest is zero and never looked at."""
+    if rows.dtype == dtype:
+        return rows
+    here = {name for name in dtype.names or () if name in (rows.dtype.names or ()) and rows.dtype[name] == dtype[name]}
+    if lacking := sorted(NEEDED - here):
+        raise RtctlError("the log lacks inputs that this version of rtctl reads", value=", ".join(lacking), remedy="replay it with the revision in its header")  # fmt: skip
+    fed = np.zeros(len(rows), dtype)
+    for name in here:
+        fed[name] = rows[name]
+    return fed
 
 
 def _payloads(messages: list[dict]) -> dict[int, bytes]:
@@ -116,7 +169,7 @@ def _payloads(messages: list[dict]) -> dict[int, bytes]:
     return {int(m["number"]): base64.b64decode(m["record_base64"]) for m in messages}
 
 
-def _prepare(controller: Controller, row: np.void, staged: dict[str, dict[int, bytes]]) -> None:
+def _prepare(controller: Controller, row: np.void, staged: Staged) -> None:
     """What the loop did for this command beside the tick."""
     memory = controller.memory
     memory["command"]["verb"] = row["command_verb"]
@@ -131,5 +184,7 @@ def _prepare(controller: Controller, row: np.void, staged: dict[str, dict[int, b
         raise RtctlError(f"the log lacks the {name.removeprefix('staged_')} that was used", value=number)
     if raw is None or row["command_verdict"] == Reason.STALE_SLOT:  # the loop did not get hold of it
         memory[name]["number"] = -1
+    elif len(raw) != memory[name].dtype.itemsize:
+        raise RtctlError(f"the {name.removeprefix('staged_')} in the log is of another version of rtctl", value=f"{len(raw)} bytes", bound=f"{memory[name].dtype.itemsize} bytes", remedy="replay it with the revision in its header")  # fmt: skip
     else:
         memory[name] = np.frombuffer(raw, memory[name].dtype)

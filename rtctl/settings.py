@@ -229,6 +229,15 @@ class Safety:
     force_limit_n: float = option(
         0.5, low=0.05, high=5.0, unit="N", live=True, doc="force that pauses a motion with a loaded array"
     )
+    drift_limit_n: float = option(
+        0.05,
+        low=0.01,
+        high=1.0,
+        unit="N",
+        live=True,
+        doc="force with a loaded array outside the cochlea that is told as drift",
+    )
+    drift_s: float = option(1.0, low=0.1, high=60.0, unit="s", doc="how long it must last")
     axes_age_ticks: int = option(5, low=1, high=100, unit="ticks", doc="oldest motor angles that may be used")
     wrench_age_ticks: int = option(
         20, low=1, high=200, unit="ticks", doc="oldest wrench that may be used while an array is moved"

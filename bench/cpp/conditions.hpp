@@ -50,8 +50,19 @@ void watch_overruns(const Parameters &parameters, State &state, Record &record) 
         raise_condition(state, record, Condition::OVERRUN_UNABATED, double(run), double(parameters.overrun_windows));
 }
 
+void watch_drift(const Parameters &parameters, State &state, const Sensors &sensors, Record &record) {
+    const auto &f = record.wrench_in_base;
+    const bool outside = state.task == Task::IDLE || state.task == Task::APPROACH || state.task == Task::AT_ENTRY;
+    const double force = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+    const bool drifts = outside && state.array_loaded && sensors.wrench_validity == VALID &&
+                        force > parameters.drift_limit_n;
+    state.drift_ticks = drifts ? state.drift_ticks + 1 : 0;
+    if (state.drift_ticks > parameters.drift_ticks)
+        raise_condition(state, record, Condition::FORCE_DRIFT, force, parameters.drift_limit_n);
+}
+
 void watch_inputs(const Parameters &parameters, State &state, const Sensors &sensors, Record &record) {
-    if (state.axes_silent_ticks > parameters.axes_age_ticks) {
+    if (std::isfinite(state.angle_rad[0]) && state.axes_silent_ticks > parameters.axes_age_ticks) {
         raise_condition(state, record, Condition::AXES_LOST, double(state.axes_silent_ticks),
                         double(parameters.axes_age_ticks));
         state.homed = 0;
@@ -72,6 +83,7 @@ void watch_inputs(const Parameters &parameters, State &state, const Sensors &sen
     const bool moving = state.motion != Motion::HOLD;
     if (moving && state.array_loaded && state.task != Task::RETRACTING)
         watch_force(parameters, state, sensors, record);
+    watch_drift(parameters, state, sensors, record);
     if (record.missed_ticks > parameters.overrun_ticks)
         raise_condition(state, record, Condition::OVERRUN, double(record.missed_ticks),
                         double(parameters.overrun_ticks));

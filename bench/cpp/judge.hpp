@@ -35,6 +35,13 @@ int64_t judge_proposal(const Memory &memory, Record &record) {
     return Reason::ACCEPTED;
 }
 
+int64_t judge_enable(const State &state, Record &record) {
+    if (!(record.gateway_health & ARMING_ALLOWED)) return refuse(record, Reason::NOT_REAL_TIME);
+    for (int i = 0; i < AXES; ++i)
+        if (!std::isfinite(state.angle_rad[i])) return refuse(record, Reason::AXES_UNKNOWN, double(i), NOT_KNOWN);
+    return Reason::ACCEPTED;
+}
+
 int64_t judge_task(const Memory &memory, const Sensors &sensors, Record &record) {
     const State &state = memory.state;
     const Parameters &parameters = memory.parameters;
@@ -56,6 +63,7 @@ int64_t judge_task(const Memory &memory, const Sensors &sensors, Record &record)
     if ((state.motion != Motion::HOLD || state.unbias_left > 0) && !streaming) return refuse(record, Reason::BUSY);
     if (verb == Verb::REGISTER_ENTRY || verb == Verb::UNBIAS || verb == Verb::LOAD_ARRAY) {
         if (!hlc::is_resting(memory)) return refuse(record, Reason::BUSY);
+        if (verb == Verb::UNBIAS && inside(state)) return refuse(record, Reason::INSERTED, depth, 0.0);
         if (verb != Verb::LOAD_ARRAY) return Reason::ACCEPTED;
         if (state.stylet_reference_mm > 0.0 && !state.array_loaded) return refuse(record, Reason::BUSY);
         return state.array_loaded ? refuse(record, Reason::ARRAY_LOADED) : Reason::ACCEPTED;
@@ -95,8 +103,7 @@ int64_t judge(const Memory &memory, const Sensors &sensors, Record &record) {
     for (int i = 0; i < 8; ++i)
         if (!std::isfinite(command.argument[i]))
             return refuse(record, Reason::NOT_FINITE, command.argument[i], double(i));
-    if (verb == Verb::ENABLE)
-        return record.gateway_health & ARMING_ALLOWED ? Reason::ACCEPTED : refuse(record, Reason::NOT_REAL_TIME);
+    if (verb == Verb::ENABLE) return judge_enable(state, record);
     if (verb == Verb::LOAD_PLAN) {
         if (memory.staged_plan.number != int64_t(command.argument[0]))
             return refuse(record, Reason::STALE_SLOT, command.argument[0], NOT_KNOWN);

@@ -10,7 +10,6 @@ import numpy as np
 from drivers.ati import calibration, gauges
 from drivers.ati.gauges import GAUGES, HIGH_PERCENT, TRANSDUCER
 from drivers.ati.mounting import Mounting
-from drivers.tally import Tally
 from hal import options
 from hal.card import AnalogCard
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
@@ -18,6 +17,7 @@ from hal.errors import OptionError
 from hal.files import find
 from hal.frames import INVALID, VALID
 from hal.options import option
+from hal.tally import Tally
 from hal.troubles import Trouble
 
 T_OUT_V = (-1.6, -1.5)

@@ -4,14 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from drivers.ati.gauges import HIGH_PERCENT
 from drivers.ati.rdt import RECORD, SATURATED_BIT, START, STATUS, STOP, Stream, request, worst_bit
-from drivers.ati.resolved import HIGH_PERCENT, Resolved, Scale
-from drivers.tally import Tally
+from drivers.ati.resolved import Resolved, Scale
 from hal import options
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
 from hal.frames import FROZEN, INVALID, SATURATED, VALID
 from hal.options import option
 from hal.seams import Datagrams
+from hal.tally import Tally
 from hal.troubles import Trouble
 
 DRAIN = 256

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.ati.gauges import HIGH_PERCENT, RATED_PERCENT
 from drivers.ati.mounting import Mounting
-from drivers.tally import Tally
 from hal.device import Readings
 from hal.errors import OptionError
 from hal.options import option
+from hal.tally import Tally
 from hal.troubles import Trouble
 
 FORCE_N = {"N": 1.0, "lbf": 4.44822161526}
 TORQUE_NMM = {"N-mm": 1.0, "N-m": 1000.0, "lbf-in": 112.984829028}
-HIGH_PERCENT, RATED_PERCENT = 80.0, 100.0
 
 
 @dataclass(frozen=True, kw_only=True)

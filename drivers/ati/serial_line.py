@@ -6,12 +6,12 @@ from typing import Any
 
 from drivers.ati.controller_line import ControllerLine
 from drivers.ati.resolved import Resolved, Scale
-from drivers.tally import Tally
 from hal import options
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
 from hal.frames import INVALID, VALID
 from hal.options import option
 from hal.seams import SerialLine
+from hal.tally import Tally
 from hal.troubles import Trouble
 
 

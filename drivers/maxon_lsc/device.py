@@ -14,17 +14,18 @@ from drivers.maxon_lsc.bounds import Bounds
 from drivers.maxon_lsc.group import AxesOfCard
 from drivers.maxon_lsc.options import GAINS, LscOptions
 from drivers.maxon_lsc.state import axis_state
-from drivers.tally import Tally
 from hal import options
 from hal.card import AnalogCard
 from hal.device import NEVER, Demand, Finding, Health, Readings, Site
 from hal.errors import OptionError
 from hal.frames import VALID
+from hal.tally import Tally
 from hal.troubles import Trouble
 
 TROUBLES = {
     watch.JUMPED: Trouble.ENCODER_JUMP, watch.ILLEGAL: Trouble.ENCODER_ERROR, watch.STALLED: Trouble.ENCODER_STALLED,
-    watch.INDEX_DRIFTS: Trouble.INDEX_DRIFT, watch.INDEX_LOST: Trouble.INDEX_LOST, watch.WRONG_WAY: Trouble.WRONG_WAY,
+    watch.INDEX_DRIFTS: Trouble.INDEX_DRIFT, watch.INDEX_LOST: Trouble.INDEX_LOST,
+    watch.INDEX_MISSING: Trouble.INDEX_MISSING, watch.WRONG_WAY: Trouble.WRONG_WAY,
     watch.NOT_READY: Trouble.AMPLIFIER_NOT_READY, watch.HOT: Trouble.MOTOR_HOT,
 }  # fmt: skip
 COUNTS_TOLD = {watch.JUMPED: "jumped_by", watch.INDEX_DRIFTS: "index_off_by", watch.INDEX_LOST: "index_off_by"}

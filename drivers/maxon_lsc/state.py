@@ -47,6 +47,7 @@ AXIS = np.dtype(
         ("index_first", "i8"),
         ("index_known", "i8"),
         ("index_off_by", "i8"),
+        ("index_place", "i8"),  # count when the last pulse was seen, or when opened
         ("still_place", "i8"),
         ("still_ticks", "i8"),
         ("push", "i8"),

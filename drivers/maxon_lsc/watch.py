@@ -8,7 +8,9 @@ from drivers.maxon_lsc.state import CURRENT, VOLTAGE
 from hal.frames import VALID
 from hal.kernel import kernel
 
-JUMPED, ILLEGAL, STALLED, INDEX_DRIFTS, INDEX_LOST, WRONG_WAY, NOT_READY, HOT = (1 << n for n in range(8))
+JUMPED, ILLEGAL, STALLED, INDEX_DRIFTS, INDEX_LOST, WRONG_WAY, NOT_READY, HOT, INDEX_MISSING = (
+    1 << n for n in range(9)
+)
 """Bits of what :func:`follow` found."""
 
 DEBOUNCE = 2
@@ -16,6 +18,8 @@ DEBOUNCE = 2
 DITHER = 1
 """Counts within which an encoder at rest, or one with a cut channel, goes to and fro."""
 DRIFT_COUNTS, LOST_COUNTS = 2, 8
+OVERDUE = 1.25
+"""Turns without an index pulse after which it is missing: one, and room for the width of a pulse and a turn back."""
 GROWTH, GROWTH_COUNTS = 1.25, 2
 COOL = 0.9
 """Share of the thermal limit below which a hot motor has cooled down."""
@@ -79,7 +83,7 @@ def take_count(axis, tick, count):
     motor could have made both steps in all of the time.
     """
     if axis.sampled < 0:
-        axis.zero = axis.count = count
+        axis.zero = axis.count = axis.index_place = count
         axis.sampled = tick - 1
     ticks = max(tick - axis.sampled, 1)
     step = count - axis.count
@@ -101,6 +105,7 @@ def take_count(axis, tick, count):
 def take_index(axis, sequence, latched):
     """How many index pulses there were, and the count at the last one: it is compared modulo a turn with the first."""
     if sequence != axis.index_seen and axis.index_seen >= 0:
+        axis.index_place = axis.count
         if not axis.index_known:
             axis.index_known, axis.index_first = 1, latched
         half = axis.turn_counts // 2
@@ -110,11 +115,12 @@ def take_index(axis, sequence, latched):
 
 @kernel
 def index_trouble(axis):
-    """The bit of an index that is not where it was."""
-    off = abs(axis.index_off_by)
+    """The bits of an index that is not where it was, and of one that does not come any more."""
+    off, silent = abs(axis.index_off_by), abs(axis.count - axis.index_place)
+    missing = INDEX_MISSING if axis.turn_counts > 0 and silent > OVERDUE * axis.turn_counts else 0
     if off > LOST_COUNTS:
-        return INDEX_LOST
-    return INDEX_DRIFTS if off > DRIFT_COUNTS else 0
+        return INDEX_LOST | missing
+    return INDEX_DRIFTS | missing if off > DRIFT_COUNTS else missing
 
 
 @kernel

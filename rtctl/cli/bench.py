@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rtctl.cli import soak
 from rtctl.cli.console import output, remark, say, say_error
 from rtctl.cli.exit_codes import Exit
 from rtctl.cli.options import RUN, SEED, SET
@@ -27,6 +28,7 @@ def add_to(app: typer.Typer) -> None:
     group.command()(rig)
     group.command()(hil)
     group.command()(faults)
+    group.command()(soak.soak)
     app.add_typer(group, name="bench", rich_help_panel=RUN)
 
 

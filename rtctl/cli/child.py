@@ -68,8 +68,24 @@ class Daemon:
         finally:
             self.exit_code = _end(self._process)
 
+    @property
+    def pid(self) -> int:
+        """Process id of the supervisor."""
+        assert self._process is not None
+        return self._process.pid
+
     def operator(self) -> ClientOperator:
         """An operator for the daemon, once it is ready.
+
+        Raises:
+            DaemonError: it ended, or was not ready in time.
+        """
+        self.wait_until_ready()
+        assert self._client is not None
+        return ClientOperator(self._client)
+
+    def wait_until_ready(self) -> None:
+        """Return once the daemon answers and its loop runs.
 
         Raises:
             DaemonError: it ended, or was not ready in time.
@@ -81,8 +97,7 @@ class Daemon:
                 code = self._process.returncode
                 raise DaemonError(f"the daemon ended with {code}: {self._tail()}", remedy=f"see {self.output}")
             if self._is_ready():
-                assert self._client is not None
-                return ClientOperator(self._client)
+                return
             time.sleep(POLL_S)
         raise DaemonError("the daemon is not ready", bound=f"within {START_S:g} s", remedy=f"see {self.output}")
 

@@ -1,11 +1,13 @@
-"""``rtctl log`` and ``rtctl replay``: what was recorded."""
+"""``rtctl log``: what was recorded."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rtctl.cli.console import grid, output, remark, say, say_error
+from rtctl.cli import comparing
+from rtctl.cli.blackboxes import blackbox
+from rtctl.cli.console import grid, output, remark, say
 from rtctl.cli.exit_codes import Exit
 from rtctl.cli.options import JSON, RECORDS
 
@@ -22,8 +24,10 @@ def add_to(app: typer.Typer) -> None:
     group.command()(info)
     group.command()(plot)
     group.command()(recover)
+    group.command()(comparing.compare)
+    group.command()(condense)
+    group.command()(blackbox)
     app.add_typer(group, name="log", rich_help_panel=RECORDS)
-    app.command(rich_help_panel=RECORDS)(replay)
 
 
 def info(files: FILES, json: JSON = False) -> int:
@@ -36,7 +40,7 @@ def info(files: FILES, json: JSON = False) -> int:
     from rtctl.log.info import describe
     from rtctl.log.reader import open_many
 
-    log = open_many(_logs(files))
+    log = open_many(logs_of(files))
     facts = describe(log)
     if json:
         say(encoder.dumps(facts, indent=2, ensure_ascii=False, default=str))
@@ -58,7 +62,7 @@ def plot(
     from rtctl import report
     from rtctl.recording import open_recording
 
-    files = _logs(files)
+    files = logs_of(files)
     directory = to or files[0].parent / f"{files[0].stem}-report"
     report.render(open_recording(files), directory)
     say(f"report: {directory / 'report.html'}")
@@ -80,28 +84,21 @@ def recover(
     say(f"{whole}: {found.rows} rows kept{until}; {found.dropped_bytes} bytes could not be used")
 
 
-def replay(files: FILES) -> int:
-    """Run the controller again on a log; exit code 0 only if every output is identical to the bit, else 6.
+def condense(
+    files: FILES,
+    to: Annotated[Path, typer.Option(help="The golden log to write; it must not exist.", dir_okay=False)],
+) -> None:
+    """Keep of a run what a replay needs, and a fingerprint of every output: a golden log, a tenth of the size.
 
-    Example: `rtctl replay runs/2026-01-31T10-00-00/log.mcap`
+    Example: `rtctl log condense runs/2026-01-31T10-00-00 --to golden.mcap`
     """
-    from rtctl import replay as replays
+    from rtctl.replaying.golden import condense as write
 
-    result = replays.run(_logs(files))
-    if result.identical:
-        say(f"identical: {result.ticks} ticks, {result.commands} commands")
-        return Exit.OK
-    found = result.difference
-    assert found is not None
-    say_error(
-        f"the replay differs: first in tick {found.tick}, signal {found.field}: logged {found.logged}, replayed {found.replayed}"
-    )
-    if not result.same_kernels:
-        remark("the code has changed since the log was written; replay it with the revision in its header")
-    return Exit.DATA
+    size_bytes = write(logs_of(files), to)
+    say(f"{to}: {size_bytes / 1000:.0f} kB")
 
 
-def _logs(files: list[Path]) -> list[Path]:
+def logs_of(files: list[Path]) -> list[Path]:
     """The files themselves, those of a run for its folder. Raises LogError for a folder without any."""
     from rtctl.log.reader import LogError
     from rtctl.recording import logs_in

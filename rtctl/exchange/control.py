@@ -35,6 +35,8 @@ class Word(enum.IntEnum):
     """grid points skipped because of them"""
     MAX_LATENESS_NS = 14
     """latest wake-up after its grid point [ns]"""
+    GARBAGE_COLLECTIONS = 15
+    """of the loop's interpreter, since the loop began: more than 0 if somebody switched its collector on"""
 
     # the gateway
     GATEWAY_HEARTBEAT = 16

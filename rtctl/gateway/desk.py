@@ -16,16 +16,23 @@ from rtctl.gateway import messages
 from rtctl.gateway.commander import VERDICT_S
 from rtctl.gateway.feedback import numbers, operating_state
 from rtctl.gateway.keys import CRTK_STATE_COMMANDS, REQUESTS, Key, Kind
-from rtctl.gateway.messages import CommandRequest, GetRequest, PlanRequest, Reply, Request, SetRequest, StateRequest
+from rtctl.gateway.messages import (
+    Answer,
+    BlackBoxRequest,
+    CommandRequest,
+    GetRequest,
+    PlanRequest,
+    Reply,
+    Request,
+    SetRequest,
+    StateRequest,
+)
 from rtctl.gateway.refusal import Refusal, from_error
 from rtctl.gateway.run import Run
 from rtctl.gateway.staging import log_and_stage, next_number
 from rtctl.log.format import PARAMETERS, PLANS
 from rtctl.plan_file import from_document, known_plan
 from rtctl.planner import make_plan
-
-Answer = Callable[[Reply], None]
-"""Takes the reply; called once, from any thread."""
 
 
 class Cancelled(Exception):
@@ -64,12 +71,15 @@ class Desk:
             self._command(key, request, remaining_s, answer)
         elif key.kind is Kind.PLAN:
             self._plan(cast(PlanRequest, request), answer)
+        elif key.kind is Kind.SCOPE_OPEN or key.kind is Kind.SCOPE:
+            answer(*self._run.scopes.answer(name, request))
         else:
             handle = {
                 Kind.GET: self._get,
                 Kind.SET: self._set,
                 Kind.LIST: lambda _name, _request: Reply(accepted=True, result=self._run.parameters.reference()),
                 Kind.LEASE: self._lease,
+                Kind.BLACKBOX: self._blackbox,
                 Kind.STATUS: lambda _name, _request: Reply(accepted=True, result=self._status()),
             }[key.kind]
             answer(handle(name, request))
@@ -169,6 +179,14 @@ class Desk:
             self._run.say_health()
             self._run.tell("lease", f"{request.source} released the lease")
         return Reply(accepted=True)
+
+    def _blackbox(self, _name: str, request: Request) -> Reply:
+        tick = cast(BlackBoxRequest, request).tick
+        box = self._run.blackboxes.box(tick)
+        if box is None:
+            what = "there was no fault" if tick is None else f"tick {tick} has no black box, or it is too old"
+            raise Refusal("no_black_box", what, "all boxes of a run are in its log: `rtctl log blackbox`")
+        return Reply(accepted=True, result=box)
 
     def _status(self) -> dict[str, Any]:
         run, row = self._run, self._run.latest

@@ -20,13 +20,17 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     time_ns: int
     tick: int
     kind: str
-    """state, task, condition, command, records, log, lease, parameters, plan or process"""
+    """state, task, condition, command, records, log, lease, parameters, plan, process or timing"""
     severity: str = "info"
     """info, warning or error"""
     text: str
     remedy: str = ""
     value: float | None = None
     bound: float | None = None
+    blackbox: int | None = None
+    """tick by which its black box is found, if it has one"""
+    last: dict[str, list] | None = None
+    """of a fault: signal -> its values in the last ticks, up to this one"""
 
 
 class Watcher:

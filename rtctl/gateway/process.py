@@ -19,6 +19,7 @@ from rtctl.exchange.mailbox import fetch
 from rtctl.exchange.ring import RingReader, committed
 from rtctl.exchange.segment import Segment
 from rtctl.gateway import messages
+from rtctl.gateway.blackbox import BlackBoxes, event_of
 from rtctl.gateway.commander import Commander
 from rtctl.gateway.desk import Desk
 from rtctl.gateway.events import Event, Watcher
@@ -28,10 +29,12 @@ from rtctl.gateway.lease import Lease
 from rtctl.gateway.network import Network
 from rtctl.gateway.parameters import Parameters
 from rtctl.gateway.run import Run
+from rtctl.gateway.scopes import Scopes
 from rtctl.gateway.setup import exercise, header_of, tables_of
 from rtctl.gateway.watch import ProcessWatch
+from rtctl.gateway.witness import Witness
 from rtctl.handover import layout
-from rtctl.log.format import CONTROLLER, EVENTS, PARAMETERS, PLANS
+from rtctl.log.format import BLACKBOX, CONTROLLER, EVENTS, PARAMETERS, PLANS, TRUTH
 from rtctl.memory import parameters_dtype
 from rtctl.record import CDR_HEADER
 from rtctl.settings import Settings
@@ -41,6 +44,7 @@ DRAIN_S = 0.004
 SLOW_S = 1.0
 """Keys that are published on change are repeated after this time, for clients that come late."""
 SHOWN = ("operating_state", "task_state", "condition_active", "is_homed", "is_busy")
+NOTHING = np.zeros(0)
 EXIT_OK, EXIT_REAL_TIME_DIED = 0, 3
 
 log = logging.getLogger(__name__)
@@ -75,6 +79,13 @@ class Gateway:
             lease=Lease(settings.gateway.lease_s),
             parameters=Parameters(settings, robot, directory),
             watcher=Watcher(choice.device_names),
+            blackboxes=BlackBoxes(
+                segment.records,
+                tables[CONTROLLER].dtype,
+                Witness(segment.control),
+                round(settings.loop.period_s * 1e9),
+            ),
+            scopes=Scopes(tables),
         )
         self._feedback = Feedback(tables[CONTROLLER])
         self._desk = Desk(self._run)
@@ -114,12 +125,14 @@ class Gateway:
         run, now_s = self._run, time.monotonic()
         put(self._control, Word.GATEWAY_HEARTBEAT, get(self._control, Word.GATEWAY_HEARTBEAT) + 1)
         size = run.journal.size_bytes
-        drained = 0
+        drained, fresh = 0, dict.fromkeys((CONTROLLER, TRUTH), NOTHING)
         for reader in self._readers:
-            rows = reader.read()
+            rows = fresh[reader.topic] = reader.read()
             drained += len(rows)
-            if reader.topic == CONTROLLER and len(rows):
-                self._deal_with(rows)
+            if reader.topic == CONTROLLER:
+                self._tell_boxes(run.blackboxes.watch(rows, reader.position))
+                if len(rows):
+                    self._deal_with(rows)
             run.journal.rows(reader.topic, rows)
             lost = reader.newly_lost()
             if lost:
@@ -128,6 +141,7 @@ class Gateway:
         if run.journal.size_bytes != size or run.journal.failure:
             for reader in self._readers:
                 reader.settle()
+        run.scopes.feed(fresh[CONTROLLER], fresh[TRUTH])
         run.commander.expire(now_s)
         busy = run.latest is not None and bool(run.latest["is_busy"])
         silent = run.lease.expire(busy, now_s)
@@ -146,9 +160,15 @@ class Gateway:
         if run.latest is None:
             self._log_in_force(rows[0])
         for event in run.watcher.watch(rows):
-            self._emit(event)
+            self._emit(run.blackboxes.of_fault(event))
         run.latest = rows[-1].copy()
         run.commander.resolve(rows)
+
+    def _tell_boxes(self, boxes: list[dict[str, Any]]) -> None:
+        for box in boxes:
+            self._run.journal.document(BLACKBOX, box["time_ns"], box)
+            if box["reason"] == "timing":  # a fault has been told
+                self._emit(event_of(box))
 
     def _log_in_force(self, row: Any) -> None:
         """Parameter set and plan of the first record of this log, so that it can be replayed from its first row."""
@@ -200,6 +220,10 @@ class Gateway:
             run.tell("process", "the run is over" if self._ended() else "the gateway was asked to end")
         self._desk.close()
         self._round()
+        self._tell_boxes(run.blackboxes.freeze())
+        if run.blackboxes.left_out:
+            run.tell("timing", f"{run.blackboxes.left_out} ticks over budget have no black box", severity="warning")
+            self._emit(run.told.get())
         run.journal.close()
         for reader in self._readers:
             reader.settle(all_of_it=True)
@@ -223,6 +247,11 @@ class _Channel:
         self._reader = RingReader(ring, dtype, position=int(get(segment.control, position)))
         self._before = self._reader.position
         self._lost_before, self._told = int(get(segment.control, lost)), 0
+
+    @property
+    def position(self) -> int:
+        """Number of the next record."""
+        return self._reader.position
 
     def first_tick(self) -> int:
         """Tick of the first record there is to read; of the next one if there is none."""

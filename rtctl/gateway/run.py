@@ -8,11 +8,13 @@ from typing import Any
 
 from rtctl.exchange.control import LOG_WRITING, Word, get, put
 from rtctl.exchange.segment import Segment
+from rtctl.gateway.blackbox import BlackBoxes
 from rtctl.gateway.commander import Commander
 from rtctl.gateway.events import Event, Watcher
 from rtctl.gateway.journal import Journal
 from rtctl.gateway.lease import Lease
 from rtctl.gateway.parameters import Parameters
+from rtctl.gateway.scopes import Scopes
 from rtctl.robots import Robot
 from rtctl.settings import Settings
 
@@ -29,6 +31,8 @@ class Run:
     lease: Lease
     parameters: Parameters
     watcher: Watcher
+    blackboxes: BlackBoxes
+    scopes: Scopes
     latest: Any = None
     """newest controller record, replaced as a whole by the thread that drains; None before the first"""
     told: SimpleQueue[Event] = field(default_factory=SimpleQueue)

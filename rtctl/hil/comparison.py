@@ -51,11 +51,12 @@ SIGNALS = (
 
 @dataclass(frozen=True)
 class Difference:
-    """How one signal differs: root of the mean square and largest, over the depths both have."""
+    """How one signal differs: root of the mean square and largest, over the depths both have, and where it is largest."""
 
     signal: Signal
     rms: float
     largest: float
+    depth_mm: float
 
     @property
     def good(self) -> bool:
@@ -69,7 +70,7 @@ def compare(one: np.ndarray, other: np.ndarray) -> list[Difference]:
     Raises:
         RtctlError: one of them has no insertion, or they have too few depths in common.
     """
-    pair = [_inserting(rows) for rows in (one, other)]
+    pair = [inserting(rows) for rows in (one, other)]
     low = max(float(rows["depth_mm"][0]) for rows in pair) + SKIPPED_MM
     high = min(float(rows["depth_mm"][-1]) for rows in pair) - SKIPPED_MM
     if high - low < 10 * STEP_MM:
@@ -78,8 +79,9 @@ def compare(one: np.ndarray, other: np.ndarray) -> list[Difference]:
     found = []
     for signal in SIGNALS:
         a, b = (np.interp(depths, rows["depth_mm"], _smooth(signal.read(rows))) for rows in pair)
-        gap = a - b
-        found.append(Difference(signal, float(np.sqrt(np.mean(gap**2))), float(np.max(np.abs(gap)))))
+        gap = np.abs(a - b)
+        where = float(depths[np.argmax(gap)])
+        found.append(Difference(signal, float(np.sqrt(np.mean(gap**2))), float(np.max(gap)), where))
     return found
 
 
@@ -90,7 +92,7 @@ def _smooth(values: np.ndarray) -> np.ndarray:
     return np.convolve(padded, kernel, mode="valid")
 
 
-def _inserting(rows: np.ndarray) -> np.ndarray:
+def inserting(rows: np.ndarray) -> np.ndarray:
     """The rows of the insertion, of rising depth."""
     inside = rows[rows["motion"] == Motion.INSERT]
     if len(inside) < 2:

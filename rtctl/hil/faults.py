@@ -68,6 +68,7 @@ CARDS = (
     Fault("load 85 % of rated", "force_sensor", "overload", -0.85),
     Fault("load 110 % of rated", "force_sensor", "overload", -1.1),
     Fault("encoder pulses where none should be", "card_a", "index_add", 3),
+    Fault("encoder's index cut", "card_a", "index_suppress", 1),
     Fault("encoder loses counts", "card_a", "encoder_drop", 1),
     Fault("encoder makes an illegal step", "card_a", "ecap", 1),
     Fault("encoder jumps", "card_a", "encoder_glitch", 1),

@@ -23,6 +23,8 @@ EVENTS = "/events"
 PARAMETERS = "/parameters"
 PLANS = "/plans"
 HASH = "/hash"
+BLACKBOX = "/blackbox"
+"""Opened by its first message: most runs have none."""
 JSON_TOPICS = (EVENTS, PARAMETERS, PLANS, HASH)
 
 ROW_SCHEMA = "rtctl/msg/{}"

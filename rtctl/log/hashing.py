@@ -5,7 +5,6 @@ The writer and the replay use the same functions, so equal bytes give equal entr
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -87,30 +86,6 @@ def check_hashes(rows: np.ndarray, logged: list[dict[str, Any]]) -> list[dict[st
         if hash_rows(rows[begin:end]) != [entry]:
             wrong.append(entry)
     return wrong
-
-
-@dataclass(frozen=True)
-class Difference:
-    """The first value a replay did not reproduce."""
-
-    tick: int
-    field: str
-    logged: Any
-    replayed: Any
-
-
-def first_difference(logged: np.ndarray, replayed: np.ndarray) -> Difference | None:
-    """First row, and in it the first output field, whose bytes differ; both arrays have shape (n,) and one dtype."""
-    first: tuple[int, str] | None = None
-    for name in output_fields(logged.dtype):
-        a, b = (np.ascontiguousarray(rows[name]).view("u1").reshape(len(rows), -1) for rows in (logged, replayed))
-        different = np.flatnonzero((a != b).any(axis=1))
-        if len(different) and (first is None or different[0] < first[0]):
-            first = int(different[0]), name
-    if first is None:
-        return None
-    row, name = first
-    return Difference(int(logged["tick"][row]), name, logged[name][row].tolist(), replayed[name][row].tolist())
 
 
 def _byte_columns(dtype: np.dtype) -> np.ndarray:

@@ -13,6 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from rtctl.log.format import (
+    BLACKBOX,
     CONTROLLER,
     EVENTS,
     HASH,
@@ -106,6 +107,11 @@ class Log:
     def plans(self) -> list[dict[str, Any]]:
         """Insertion plans, in order."""
         return self._payloads(PLANS)
+
+    @property
+    def blackboxes(self) -> list[dict[str, Any]]:
+        """Black boxes of ticks over budget and of faults, in order; see :mod:`rtctl.gateway.blackbox`."""
+        return self._payloads(BLACKBOX)
 
     @property
     def hashes(self) -> list[dict[str, Any]]:

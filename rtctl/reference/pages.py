@@ -11,6 +11,7 @@ from hal import troubles
 from hal.errors import OptionError
 from hal.options import bound_text, describe
 from hal.signals import Signal
+from rtctl.attribution.causes import CAUSES
 from rtctl.cli import app
 from rtctl.cli.exit_codes import MEANING
 from rtctl.commands import EXPLANATIONS, Reason, Verb
@@ -23,6 +24,7 @@ from rtctl.reference.markdown import blanks, page, table
 from rtctl.reference.options import sections
 from rtctl.robots import GEOMETRIES
 from rtctl.settings import Settings
+from rtctl.stages import LATE_SHARE, STAGES, TICK_SHARE
 from rtctl.summary import FIGURES
 
 
@@ -167,6 +169,28 @@ def key_table() -> str:
     )
 
 
+def stages() -> str:
+    """What a tick is made of, and what may hold it."""
+    rows = [(f"`{s.name}`", s.what, f"{s.budget_us:g}", s.reason) for s in STAGES]
+    causes = [(c.name, "made it worse" if c.hint else "held it", c.remedy) for c in CAUSES]
+    return page(
+        "Stages of a tick",
+        "rtctl/stages.py and rtctl/attribution/causes.py",
+        [
+            "In order, as in the signal `stage_ns`. `make bench` (part `stages`) measures each against its budget. A"
+            " budget is a time, whatever the rate of the loop; the bounds of a whole tick are shares of the period.",
+            table(("stage", "what happens", "budget [µs]", "why so much"), rows),
+            f"A tick is over budget if it takes more than {TICK_SHARE:g} of the period, if it is woken later than"
+            f" {LATE_SHARE:g} of it, or if grid points were missed before it.",
+            "## What may hold the loop",
+            "Causes by which a black box names who held it, the strongest sign first. How they are told apart is in"
+            " [real time](../explanation/real-time.md), what to do with a black box in"
+            " [find what held the loop](../how-to/find-what-held-the-loop.md).",
+            table(("cause", "then it", "what to do"), causes),
+        ],
+    )
+
+
 def figures() -> str:
     """Keys of summary.json."""
     return page(
@@ -217,6 +241,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "conditions.md": conditions,
     "troubles.md": trouble_table,
     "keys.md": key_table,
+    "stages.md": stages,
     "summary.md": figures,
     "plan-file.md": plan_file,
     "cli.md": command_line,

@@ -22,10 +22,9 @@ from hal import emulator as emulators
 from hal import options
 from hal.emulator import Bench, Station
 from hal.errors import BackendError, RtctlError
-from hal.sockets import DeviceSocket
-from hal.switchboard import Switchboard
 from sim_backends.rig import memory
 from sim_backends.rig.backend import RigOptions
+from sim_backends.rig.links import RealLinks
 from sim_backends.rig.rig import Rig, add_emulator
 from sim_backends.rig.seams import card_name
 
@@ -36,7 +35,8 @@ class RealStation(Station):
     """Where the emulators of this process live: cards in shared memory, links by real sockets."""
 
     def __init__(self, place: str, period_s: float, seed: int) -> None:
-        super().__init__(period_s, seed, RealLinks())
+        self.links = RealLinks(place)
+        super().__init__(period_s, seed, self.links)
         self.place = place
         self.names: list[str] = []
 
@@ -48,14 +48,6 @@ class RealStation(Station):
         """A record (1,) that the other processes see."""
         self.names.append(name)
         return memory.create(self.place, name, dtype)
-
-
-class RealLinks(Switchboard):
-    """Drivers are in another process: what they would get from here, they open by themselves."""
-
-    def plug_datagrams(self, local: str, peer: str) -> DeviceSocket:
-        """The device's end: bound to the driver's `peer`."""
-        return DeviceSocket(bound=peer, peer=local)
 
 
 def bench_dtype(axes: int) -> np.dtype:
@@ -97,6 +89,7 @@ def run(part: str, settings: Mapping[str, Any]) -> int:
     finally:
         for name in station.names:
             memory.remove(place, name)
+        station.links.remove()
     return 0
 
 
@@ -111,7 +104,9 @@ def _plant(settings: Mapping[str, Any], rig_options: RigOptions, station: RealSt
     told = station.share("bench", bench_dtype(rig.plant.axes))
 
     def step(tick: int) -> None:
+        station.links.fetch()
         rig.step(tick)
+        station.links.deliver()
         bench, row = rig.bench, told[0]
         row["wrench_in_sensor"], row["angle_rad"], row["current_a"] = (
             bench.wrench_in_sensor,

@@ -1,9 +1,11 @@
-"""Seams that end in an emulated bench of other processes: cards in shared memory, everything else by its real sockets."""
+"""Seams that end in an emulated bench of other processes: cards in shared memory, buses and lines by local sockets and
+terminals, datagrams as on the target."""
 
-from hal.seams import PortIO
-from hal.sockets import SocketSeams
+from hal.seams import PortIO, SerialLine
+from hal.sockets import SerialPort, SocketSeams
 from sim_backends.emulators.sensoray526 import CARD, CardPorts
-from sim_backends.rig import memory
+from sim_backends.rig import links, memory
+from sim_backends.rig.can_socket import CanSocket
 
 
 def card_name(base: int) -> str:
@@ -20,3 +22,11 @@ class RigSeams(SocketSeams):
     def ports(self, base: int, size: int) -> PortIO:  # noqa: ARG002
         """The register file of a card whose record the bench holds: the registers answer in this process, at once."""
         return CardPorts(memory.attach(self._place, card_name(base), CARD))
+
+    def serial(self, path: str, baud: int) -> SerialLine:
+        """The terminal that stands for the port `path`."""
+        return SerialPort(str(links.serial_path(self._place, path)), baud)
+
+    def can_bus(self, interface: str, channel: str, bitrate: int) -> CanSocket:  # noqa: ARG002
+        """The emulated bus `channel`, whatever interface the settings name."""
+        return CanSocket(links.can_path(self._place, channel))

@@ -103,6 +103,42 @@ def test_a_lost_force_pauses_the_insertion_and_lets_it_out(make_rig, name):
     assert rig.last["operating_state"] == Operating.ENABLED
 
 
+def test_a_sensor_that_drifts_before_the_insertion_is_told_and_unbiasing_mends_it(make_rig):
+    rate_n_per_s, limit_n = 0.02, 0.04
+    drift = f"backend.options.sensor.drift_per_min=[0, 0, {60 * rate_n_per_s}, 0, 0, 0]"
+    rig = make_rig(drift, f"safety.drift_limit_n={limit_n}").at_entry()
+    rig.do(Verb.UNBIAS)
+    rig.until(lambda r: not r["is_busy"])
+    begin = rig.lockstep.tick
+    rig.run(5000)
+    rows = rig.rows[rig.rows["tick"] >= begin]
+    row = first(rows, Condition.FORCE_DRIFT)
+    expected = begin + 1000 * (limit_n / rate_n_per_s + rig.settings.safety.drift_s)
+    assert row["tick"] == pytest.approx(expected, abs=400), "its zero is the mean of half a second"
+    assert (rows["operating_state"] == Operating.ENABLED).all()
+    rig.do(Verb.UNBIAS)
+    rig.until(lambda r: not r["is_busy"])
+    assert not rig.run(1000)["condition_active"].any()
+
+
+def test_no_sensor_is_unbiased_inside_the_cochlea(make_rig):
+    rig = make_rig().at_entry()
+    rig.do(Verb.INSERT, 2.0, 1.0)
+    rig.rest()
+    assert rig.order(Verb.UNBIAS) is Reason.INSERTED
+    assert rig.last["is_unbiased"]
+
+
+def test_power_is_refused_while_a_motor_has_told_no_angle(make_rig):
+    rig = make_rig(f"{INJECT}axes_silent_after_s=0.0")
+    assert rig.order(Verb.ENABLE) is Reason.AXES_UNKNOWN
+    assert rig.last["operating_state"] == Operating.DISABLED
+    assert not rig.last["power_request"]
+    rows = rig.run(50)
+    assert not rows["condition_active"].any(), "what was never known is not lost: drives on a bus take time to answer"
+    assert rig.order(Verb.ENABLE) is Reason.AXES_UNKNOWN
+
+
 def test_a_lost_force_does_not_disturb_a_move_without_an_array(make_rig):
     rig = injected(make_rig, "wrench_silent")
     busy_move(rig)

@@ -334,6 +334,36 @@ def test_lost_counts_are_found_at_the_next_index(rig, lost, trouble):
     rig.until(lambda r: r.trouble == 0, most=51)
 
 
+@pytest.mark.parametrize("counts_a_tick", [40, -40])
+def test_an_index_that_comes_no_more_is_told_after_a_turn_and_a_quarter(rig, counts_a_tick):
+    def turn(bench):
+        bench.angle_rad[0] += counts_a_tick / COUNTS_PER_RAD
+
+    rig.physics = turn
+    assert rig.steps(300) == {0}
+    card = rig.station.emulators["card"]
+    whole, pulses = card.set_encoder, card.index_sequence[1]
+
+    def unwired(channel, count):
+        whole(channel, count)
+        card.index_sequence[channel] = pulses
+
+    card.set_encoder = unwired
+    assert 1.2 * 2000 / 40 - 50 <= rig.until(lambda r: r.trouble == Trouble.INDEX_MISSING) <= 1.25 * 2000 / 40 + 1
+    assert rig.readings.trouble_value == TABLE_OF_AXIS["axis"]
+    assert rig.readings.axis_validity[0] == VALID
+    card.set_encoder = whole
+    rig.until(lambda r: r.trouble == 0, most=51)
+
+
+def test_an_encoder_that_goes_to_and_fro_needs_no_index(rig):
+    def swing(bench):
+        bench.angle_rad[0] = 0.4 * math.pi / 14 * math.sin(0.1 * rig.tick)
+
+    rig.physics = swing
+    assert rig.steps(2000) == {0}
+
+
 @given(st.integers(1, 5000), st.integers(-20, 20), st.lists(st.integers(-(10**9), 10**9), min_size=1, max_size=5))
 def test_index_is_compared_modulo_a_turn(lines, off, turns):
     axis = np.zeros(1, AXIS)[0]

@@ -10,7 +10,7 @@ from rtctl.cli import main
 from rtctl.cli.exit_codes import Exit
 from rtctl.cli.outcome import exit_code
 from rtctl.cli.runs import new_directory
-from rtctl.log.hashing import Difference
+from rtctl.replaying.difference import Difference
 from rtctl.settings import from_table, load
 from rtctl.summary import summarise
 

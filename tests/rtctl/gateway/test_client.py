@@ -5,8 +5,12 @@ import time
 
 import pytest
 
+from rtctl.cli import main
+from rtctl.cli.exit_codes import Exit
 from rtctl.client import Client, NoReply, RecordsStopped, WaitedTooLong
 from rtctl.commands import CommandRefused, Verb
+from rtctl.lifecycle import Condition, Operating
+from rtctl.log.reader import Log
 
 
 def test_a_command_takes_effect_and_its_tick_comes_back(world):
@@ -23,6 +27,38 @@ def test_a_refusal_says_why_and_what_to_do(world):
         client.command(Verb.MOVE_CP, 160.0, 0.0, 0.0)
     assert refused.value.reason == "wrong_state"
     assert "enable" in refused.value.remedy
+
+
+def test_a_refusal_in_fault_carries_the_ticks_before_the_fault(world, capsys):
+    client, faults = world.client(), []
+    client.on_event(lambda event: faults.append(event) if "state is fault" in event["text"] else None)
+    client.command(Verb.ENABLE)
+    client.wait(lambda r: r["tick"] > 60, timeout_s=2.0)
+    with pytest.raises(CommandRefused) as none_yet:
+        client.blackbox()
+    assert none_yet.value.reason == "no_black_box"
+    world.real_time.extra_conditions = 1 << Condition.AMPLIFIER
+    client.wait(lambda r: r["operating_state"] == Operating.FAULT, timeout_s=2.0)
+    with pytest.raises(CommandRefused) as refused:
+        client.command(Verb.MOVE_CP, 160.0, 0.0, 0.0)
+    box = refused.value.blackbox
+    tick, states = box["tick"], dict(zip(box["signals"]["tick"], box["signals"]["operating_state"], strict=True))
+    assert (states[tick - 1], states[tick]) == (Operating.ENABLED, Operating.FAULT)
+    assert box["text"].startswith("state is fault")
+    client.wait(lambda r: r["tick"] > tick + 80, timeout_s=2.0)
+    assert client.blackbox(tick)["rows"]["tick"][0] == tick - 50
+    (event,) = faults
+    assert event["blackbox"] == event["last"]["tick"][-1] == tick
+    assert event["last"]["condition_active"][-1] == 1 << Condition.AMPLIFIER
+    world.real_time.stop()
+    world.join()
+    assert [b["tick"] for b in Log.open(world.directory / "log.mcap").blackboxes] == [tick]
+    assert main(["log", "blackbox", str(world.directory), "--around", "2"]) == Exit.OK
+    told = capsys.readouterr().out
+    assert told.startswith("fault: state is fault (was enabled)")
+    assert sum(line.split()[0].isdecimal() for line in told.splitlines() if line.strip()) == 5
+    assert main(["log", "blackbox", str(world.directory), "--tick", "3"]) == Exit.DATA
+    assert str(tick) in capsys.readouterr().err, "the ticks that have one are listed"
 
 
 @pytest.mark.parametrize(("verb", "arguments"), [(Verb.MOVE_CP, (1.0,)), (Verb.INSERT, ()), (Verb.ENABLE, (1.0,))])

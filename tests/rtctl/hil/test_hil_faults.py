@@ -16,6 +16,7 @@ STATE = {
     "load 85 % of rated": ("PAUSED", 1),
     "load 110 % of rated": ("FAULT", 1),
     "encoder pulses where none should be": ("FAULT", 2),
+    "encoder's index cut": ("ENABLED", 150),
     "encoder loses counts": ("FAULT", 1000),
     "encoder makes an illegal step": ("FAULT", 1),
     "encoder jumps": ("FAULT", 2),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtctl.log.hashing import Difference, OutputHash, check_hashes, first_difference, hash_rows, split_seconds
+from rtctl.log.hashing import OutputHash, check_hashes, hash_rows, split_seconds
 from rtctl.record import INPUTS, TIMING
 
 
@@ -59,21 +59,6 @@ def test_check_finds_the_seconds_that_differ_even_when_cut(table, make_rows):
     changed["depth_mm"][1500] = np.nextafter(changed["depth_mm"][1500], 1.0)
     assert [e["first_tick"] for e in check_hashes(changed, logged)] == [1400]
     assert check_hashes(np.delete(rows, 2500), logged) == [logged[-1]]
-
-
-def test_first_difference_is_earliest_row(table, make_rows):
-    rows = make_rows(table, 50)
-    rows["pose_measured"] = 0.0
-    rows["depth_mm"] = 1.0
-    assert first_difference(rows, rows.copy()) is None
-    replayed = rows.copy()
-    replayed["tick_ns"] += 1
-    replayed["depth_mm"][20:] = 2.0
-    replayed["pose_measured"][30:] = 5.0
-    assert first_difference(rows, replayed) == Difference(20, "depth_mm", 1.0, 2.0)
-    replayed["pose_measured"][10, 1] = -0.0
-    found = first_difference(rows, replayed)
-    assert (found.tick, found.field, found.logged) == (10, "pose_measured", [0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("count", [0, 1])
