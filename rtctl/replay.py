@@ -28,8 +28,9 @@ STAGED = {int(Verb.LOAD_PLAN): "staged_plan", int(Verb.SET_PARAMETERS): "staged_
 
 Staged = dict[str, dict[int, bytes]]
 """Name of :data:`STAGED` -> number -> raw record."""
-NEEDED = INPUTS | {"command_verdict"}
-"""Signals a replay reads off the log; the verdict tells whether staged data were there."""
+NEEDED = INPUTS - {"clock_state"} | {"command_verdict"}
+"""Signals a replay reads off the log; the verdict tells whether staged data were there. A log without `clock_state` is of a
+time when there was the grid clock only, which zero says."""
 
 
 @dataclass(frozen=True)
