@@ -46,6 +46,9 @@ INPUTS = frozenset(
 )
 """What a replay feeds; everything else must come out again, except TIMING."""
 
+ZERO_BEFORE = frozenset({"clock_state"})
+"""Inputs that logs of earlier versions lack, where they would have been zero: there was the grid clock only."""
+
 TIMING = frozenset(
     [
         "tick_ns",

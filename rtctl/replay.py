@@ -17,7 +17,7 @@ from rtctl.controller import Controller
 from rtctl.log.hashing import check_hashes
 from rtctl.log.reader import Log, open_many
 from rtctl.parameters import pack
-from rtctl.record import INPUTS
+from rtctl.record import INPUTS, ZERO_BEFORE
 from rtctl.replaying.difference import Difference, compared, first_difference
 from rtctl.replaying.elsewhere import with_values
 from rtctl.settings import from_table
@@ -28,9 +28,8 @@ STAGED = {int(Verb.LOAD_PLAN): "staged_plan", int(Verb.SET_PARAMETERS): "staged_
 
 Staged = dict[str, dict[int, bytes]]
 """Name of :data:`STAGED` -> number -> raw record."""
-NEEDED = INPUTS - {"clock_state"} | {"command_verdict"}
-"""Signals a replay reads off the log; the verdict tells whether staged data were there. A log without `clock_state` is of a
-time when there was the grid clock only, which zero says."""
+NEEDED = INPUTS | {"command_verdict"}
+"""Signals a replay reads off the log; the verdict tells whether staged data were there."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +156,7 @@ def _as_this_version(rows: np.ndarray, dtype: np.dtype) -> np.ndarray:
     if rows.dtype == dtype:
         return rows
     here = {name for name in dtype.names or () if name in (rows.dtype.names or ()) and rows.dtype[name] == dtype[name]}
-    if lacking := sorted(NEEDED - here):
+    if lacking := sorted(NEEDED - here - ZERO_BEFORE):
         raise RtctlError("the log lacks inputs that this version of rtctl reads", value=", ".join(lacking), remedy="replay it with the revision in its header")  # fmt: skip
     fed = np.zeros(len(rows), dtype)
     for name in here:
