@@ -22,8 +22,11 @@ from bench import (
     memory_growth,
     mujoco_cable,
     planning_cost,
+    rates,
     rod_study,
+    spin_cost,
     stage_cost,
+    storm,
     tick_cost,
     wake_up,
 )
@@ -37,6 +40,9 @@ SPEED = (
     "loop",
     "stages",
     "wake-up",
+    "rates",
+    "storm",
+    "spin",
     "lockstep",
     "exchange",
     "guidance",
@@ -48,6 +54,8 @@ SPEED = (
 STUDIES = ("rod", "robustness", "phenomena", "mujoco")
 """Of the array by itself; they take minutes, and only when asked for."""
 PARTS = SPEED + STUDIES
+RECORDED = {"tick", "rates", "lockstep", "exchange", "impedance"}
+"""Parts that run a recorded insertion again."""
 FAILED = "failed"
 SEED = 1
 WIDTH = 170
@@ -92,7 +100,12 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--config", default="planar-sim", help="settings to measure with [planar-sim]")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a setting")
-    parser.add_argument("--rounds", type=int, default=15, help="of loop and cyclictest in turns [15]")
+    parser.add_argument(
+        "--rounds",
+        type=int,
+        default=15,
+        help="of whatever is measured in turns: loop and cyclictest, storm and calm; a third for each of the rates [15]",
+    )
     parser.add_argument("--seconds", type=float, default=4.0, help="of each of them in a round [4]")
     parser.add_argument("--memory", action="store_true", help="measure only whether the daemon grows over a long run")
     parser.add_argument("--minutes", type=float, default=10.0, help="of that run [10]")
@@ -112,12 +125,15 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
         yield "memory", lambda: memory_growth.measure(settings, arguments.minutes)
         return
     asked = arguments.parts
-    pieces = record_insertion(settings, SEED) if {"tick", "lockstep", "exchange", "impedance"} & set(asked) else []
+    pieces = record_insertion(settings, SEED) if RECORDED & set(asked) else []
     measurements: dict[str, Callable[[], list[Figure]]] = {
         "tick": lambda: tick_cost.measure(settings, pieces),
         "loop": lambda: loop_cost.measure(settings),
         "stages": lambda: stage_cost.measure(settings, arguments.seconds),
         "wake-up": lambda: wake_up.measure(settings, arguments.rounds, arguments.seconds),
+        "rates": lambda: rates.measure(settings, pieces, max(arguments.rounds // 3, 1), arguments.seconds),
+        "storm": lambda: storm.measure(settings, arguments.rounds, arguments.seconds),
+        "spin": lambda: spin_cost.measure(settings, arguments.rounds, arguments.seconds),
         "lockstep": lambda: lockstep_speed.measure(settings, SEED, pieces),
         "exchange": lambda: exchange_cost.measure(settings, pieces),
         "planning": lambda: planning_cost.measure(settings),

@@ -7,7 +7,7 @@ import numpy as np
 
 from hal.frames import VALID
 from hal.troubles import Grade
-from rtctl import hlc, homing, judge, lifecycle, trajectory
+from rtctl import device_clock, hlc, homing, judge, lifecycle, trajectory
 from rtctl.commands import Reason, Verb
 from rtctl.controller import Controller
 from rtctl.electrode.path import MAX_CHANNELS
@@ -27,6 +27,7 @@ CONSTANTS: dict[str, int | float] = {
     "VALID": VALID,
     **{f"TROUBLE_{g.name}": int(g) for g in Grade},
     "MAX_CHANNELS": MAX_CHANNELS,
+    "CLOCK_REFUSED": int(device_clock.REFUSED),
     "OVERSPEED": trajectory.OVERSPEED,
     "RETURN_MM": hlc.RETURN_MM,
     "STILL": homing.STILL,

@@ -10,7 +10,7 @@ import numpy as np
 from bench.layout import header
 from rtctl.controller import Controller
 
-SOURCE = Path(__file__).with_name("cpp") / "tick.cpp"
+SOURCES = Path(__file__).with_name("cpp")
 FLAGS = ("-std=c++20", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-shared", "-fPIC")
 """No contraction: the kernels round after every operation, too, so that the results can be compared to the bit."""
 
@@ -27,6 +27,20 @@ def version() -> str:
     return subprocess.run(command, capture_output=True, text=True).stdout.strip() if found else ""
 
 
+def build(controller: Controller, directory: Path, name: str) -> Path:
+    """Compile the source called `name` for the records of `controller` into a library in `directory`.
+
+    Raises:
+        subprocess.CalledProcessError: the C++ does not compile, as when a field it uses is gone.
+    """
+    found = compiler()
+    assert found is not None
+    library = directory / f"{name}.so"
+    (directory / "layout.hpp").write_text(header(controller))
+    subprocess.run([found, *FLAGS, f"-I{directory}", str(SOURCES / f"{name}.cpp"), "-o", str(library)], check=True)
+    return library
+
+
 class NativeTick:
     """The tick in C++, compiled for the records of one controller.
 
@@ -35,16 +49,11 @@ class NativeTick:
         directory: where the header and the library go.
 
     Raises:
-        subprocess.CalledProcessError: the C++ does not compile, as when a field it uses is gone.
+        subprocess.CalledProcessError: see :func:`build`.
     """
 
     def __init__(self, controller: Controller, directory: Path) -> None:
-        found = compiler()
-        assert found is not None
-        library = directory / "tick.so"
-        (directory / "layout.hpp").write_text(header(controller))
-        subprocess.run([found, *FLAGS, f"-I{directory}", str(SOURCE), "-o", str(library)], check=True)
-        self._drive = ctypes.CDLL(str(library)).drive
+        self._drive = ctypes.CDLL(str(build(controller, directory, "tick"))).drive
         self._drive.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int64]
         self._drive.restype = None
 

@@ -18,6 +18,7 @@ class BenchOperator(DirectOperator):
     """Keeps every record it sees."""
 
     def __init__(self, daemon: Daemon) -> None:
+        self.control = daemon.control
         self._rows: list[np.ndarray] = []
         super().__init__(daemon, self._keep)
 

@@ -79,7 +79,8 @@ def record_insertion(settings: Settings, seed: int) -> list[Piece]:
     records, _ = recorder.rows()
     controller = lockstep.controller
     sensors: np.ndarray = np.zeros(len(records), controller.sensors.dtype)
-    for name in sensors.dtype.names or ():
+    sensors["device_time_s"] = np.nan  # for the clock, and nothing of it is in a record
+    for name in set(sensors.dtype.names or ()) - {"device_time_s"}:
         sensors[name] = records[name]
     actuators: np.ndarray = np.zeros(len(records), controller.actuators.dtype)
     actuators["command_v"], actuators["power"] = records["command_applied_v"], records["power_request"]

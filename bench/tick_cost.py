@@ -18,7 +18,7 @@ from rtctl.settings import Settings
 PART = "tick"
 TICKS = 5000
 ROUNDS = 51
-TARGET = Target(1.5)
+TARGET = Target(1.3)
 
 Drive = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
 

@@ -1,18 +1,22 @@
-"""(c) How late the loop wakes up, against cyclictest at the same priority on the same core, in turns."""
+"""(c) How late the loop wakes up, against cyclictest at the same priority on the same core, in turns: idle, and loaded."""
 
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 
 from bench.figures import Figure, Target, compare, in_turns
 from bench.real_time import BenchOperator, records_of
 from rtctl.commands import Verb
+from rtctl.machine import loop_core
 from rtctl.readiness import cyclictest
+from rtctl.readiness.load import Load
 from rtctl.settings import Settings
 
 PART = "wake-up"
-TARGET = Target(1.25)
-PERCENTILES = (50.0, 99.0)
+TARGETS = {50.0: Target(1.15), 99.0: Target(1.25), 99.9: Target(2.0)}
+PERCENTILES = tuple(TARGETS)
 
 
 def measure(settings: Settings, rounds: int, seconds: float) -> list[Figure]:
@@ -20,17 +24,23 @@ def measure(settings: Settings, rounds: int, seconds: float) -> list[Figure]:
     obstacle = cyclictest.obstacle(settings)
     if obstacle:
         note = f"skipped: {obstacle}"
-        return [Figure(PART, f"lateness p{p:g}", "us", None, target=TARGET, note=note) for p in PERCENTILES]
+        return [Figure(PART, f"lateness p{p:g}", "us", None, target=TARGETS[p], note=note) for p in PERCENTILES]
+    figures = _compared(settings, rounds, seconds, "idle")
+    with Load("cpu", Path(tempfile.gettempdir()), loop_core(settings.loop.cpu)):
+        return figures + _compared(settings, rounds, seconds, "all cores loaded")
+
+
+def _compared(settings: Settings, rounds: int, seconds: float, condition: str) -> list[Figure]:
     ours, theirs = in_turns(rounds, lambda: _ours_us(settings, seconds), lambda: _cyclictest_us(settings, seconds))
     return [
         compare(
             PART,
-            f"lateness p{percent:g}",
+            f"lateness p{percent:g}, {condition}",
             "us",
             [round_us[k] for round_us in ours],
             [round_us[k] for round_us in theirs],
             reference_name="cyclictest",
-            target=TARGET,
+            target=TARGETS[percent],
             note=f"{rounds} rounds of {seconds:g} s",
         )
         for k, percent in enumerate(PERCENTILES)

@@ -172,6 +172,7 @@ class HardwareBackend:
         s["impedance_validity"] = r.impedance_validity
         s["impedance_ohm"], s["impedance_pair"] = (r.impedance_ohm, r.impedance_pair) if valid else (math.nan, -1)
         s["impedance_sequence"], s["impedance_age_ticks"] = r.impedance_sequence, r.impedance_age_ticks
+        s["device_time_s"] = r.device_time_s
         s["powered"] = self._opened and not self._tripped and bool(r.axis_powered.all())
         s["watchdog_tripped"] = self._tripped
         s["amplifier_fault"] = bool(r.axis_fault.any())
@@ -205,7 +206,7 @@ def _count_axes(devices: Mapping[str, Device]) -> int:
 
 
 def _check_measures(devices: Mapping[str, Device]) -> None:
-    for what in ("wrench", "impedance"):
+    for what in ("wrench", "impedance", "time"):
         found = [name for name, device in devices.items() if what in device.measures]
         if len(found) > 1:
             raise OptionError(f"two devices measure the {what}", value=found, bound="one")

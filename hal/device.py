@@ -38,6 +38,7 @@ class Readings:
         axis_powered, axis_fault (n,): amplifier energised; amplifier reports a fault.
         wrench_in_sensor (6,), wrench_validity, wrench_sequence, wrench_age_ticks.
         impedance_ohm, impedance_pair, impedance_validity, impedance_sequence, impedance_age_ticks.
+        device_time_s: of the one device that measures "time", as in the sensor frame; it latches it in `begin`.
         watchdog_tripped: a device removed power because nobody wrote.
         trouble, trouble_value, trouble_device: the gravest, see :meth:`report`.
     """
@@ -64,6 +65,7 @@ class Readings:
         self.wrench_in_sensor.fill(np.nan)
         self.wrench_validity, self.wrench_sequence, self.wrench_age_ticks = INVALID, 0, NEVER
         self.impedance_ohm, self.impedance_pair = np.nan, -1
+        self.device_time_s = np.nan
         self.impedance_validity, self.impedance_sequence, self.impedance_age_ticks = INVALID, 0, NEVER
         self.watchdog_tripped = False
         self.trouble, self.trouble_value, self.trouble_device, self.trouble_grade = 0, np.nan, -1, 0
@@ -124,7 +126,7 @@ class Device(Protocol):
     axes: tuple[int, ...]
     """numbers of the axes it turns"""
     measures: frozenset[str]
-    """of "wrench" and "impedance", what it measures"""
+    """of "wrench", "impedance" and "time" (see `loop.clock`), what it measures"""
 
     def __init__(self, name: str, table: Mapping[str, Any], site: "Site") -> None:
         """From its own table of settings, without `kind` and `name`. Connects to nothing. Raises OptionError."""

@@ -37,12 +37,15 @@ def sensor_frame(axes: int) -> np.dtype:
     powered: the amplifiers are energised.
     trouble: code of hal.troubles.Trouble, the gravest there is, 0 for none; trouble_value: the number that belongs to it;
         trouble_device: which device of the backend says so, -1 for none; trouble_grade: a hal.troubles.Grade.
+    device_time_s: what the clock of the device that may pace the loop showed when `read` was called, in seconds of its own
+        crystal; its samples are taken at whole periods. NaN from a backend without such a clock, and while it is not known.
     """
     return np.dtype(
         [
             ("axis_angle_rad", "f8", (axes,)),
             ("wrench_in_sensor", "f8", (6,)),
             ("impedance_ohm", "f8"),
+            ("device_time_s", "f8"),
             ("axes_sequence", "i8"),
             ("wrench_sequence", "i8"),
             ("impedance_sequence", "i8"),

@@ -1,6 +1,7 @@
 """Who may read time: nobody but this file.
 
-The grid clock wakes at absolute deadlines; after an overrun it skips to the next grid point and counts what it skipped.
+The grid clock wakes at absolute deadlines; after an overrun it skips to the next grid point and counts what it skipped. The
+device clock is the same grid, moved a little after every tick to stay with a device (:mod:`rtctl.device_clock`).
 Lockstep and replay have no clock at all: there the tick number is the time.
 """
 
@@ -10,6 +11,8 @@ import numpy as np
 from numba import types
 
 from hal.kernel import kernel
+from rtctl.device_clock import FOLLOWER, GRID, WATCHING, move_ns
+from rtctl.settings import Loop
 from rtctl.stages import WRITE
 
 MONOTONIC, ABSOLUTE, INTERRUPTED = 1, 1, 4
@@ -24,14 +27,20 @@ CLOCK = np.dtype(
         ("origin_ns", "i8"),
         ("epoch_ns", "i8"),
         ("period_ns", "i8"),
+        ("spin_ns", "i8"),
         ("tick", "i8"),
+        ("due_ns", "i8"),
         ("woken_ns", "i8"),
+        ("interrupted", "i8"),
         ("stamp_ns", "i8"),
         ("timespec", "i8", (2,)),
+        ("follower", FOLLOWER),
     ],
     align=True,
 )
-"""A grid clock: tick k is due at origin + k period on the monotonic clock, and is stamped epoch + k period."""
+"""A grid clock: tick k is due at origin + k period on the monotonic clock, and is stamped epoch + k period.
+
+The last spin_ns before it are not slept. interrupted: a signal came during a sleep. What follows a device moves origin and epoch together."""
 
 
 def grid(period_s: float) -> np.ndarray:
@@ -44,6 +53,15 @@ def grid(period_s: float) -> np.ndarray:
     return clock
 
 
+def make(loop: Loop) -> np.ndarray:
+    """The clock, shape (1,), that the settings ask for; tick 0 lies one period from now."""
+    clock = grid(loop.period_s)
+    clock["spin_ns"] = loop.spin_us * 1000
+    if loop.clock == "device":
+        clock["follower"]["state"], clock["follower"]["phase_ns"] = WATCHING, loop.device_phase_s * 1e9
+    return clock
+
+
 @kernel
 def now_ns(clock):
     """The monotonic clock [ns]."""
@@ -53,20 +71,45 @@ def now_ns(clock):
 
 @kernel
 def wait(clock, record):
-    """Sleep until the next grid point and stamp the record with it: tick, time_ns, missed_ticks, lateness_ns."""
-    due = (now_ns(clock) - clock.origin_ns) // clock.period_ns + 1
-    due = max(due, clock.tick + 1)
-    record.missed_ticks = due - clock.tick - 1
-    clock.tick = due
-    deadline = clock.origin_ns + due * clock.period_ns
+    """Sleep until the next grid point and stamp the record with it."""
+    claim(clock, now_ns(clock), record)
+    asleep_ns = clock.due_ns - clock.spin_ns
     result = INTERRUPTED
     while result == INTERRUPTED:
-        clock.timespec[0], clock.timespec[1] = deadline // 1_000_000_000, deadline % 1_000_000_000
+        clock.timespec[0], clock.timespec[1] = asleep_ns // 1_000_000_000, asleep_ns % 1_000_000_000
         result = _nanosleep(MONOTONIC, ABSOLUTE, clock.timespec.ctypes.data, 0)
-    clock.woken_ns = clock.stamp_ns = now_ns(clock)
-    record.tick = due
+        if result == INTERRUPTED:
+            clock.interrupted = 1
+    woken = now_ns(clock)
+    while woken < clock.due_ns:
+        woken = now_ns(clock)
+    clock.woken_ns = clock.stamp_ns = woken
+    record.lateness_ns = min(woken - clock.due_ns, LONGEST_NS)
+
+
+@kernel
+def claim(clock, now_ns, record):
+    """Choose the first grid point after `now_ns` that had no tick: tick, time_ns, missed_ticks, clock_state."""
+    due = (now_ns - clock.origin_ns) // clock.period_ns + 1
+    due = max(due, clock.tick + 1)
+    record.missed_ticks = due - clock.tick - 1
+    record.tick = clock.tick = due
     record.time_ns = clock.epoch_ns + due * clock.period_ns
-    record.lateness_ns = min(clock.woken_ns - deadline, LONGEST_NS)
+    record.clock_state = clock.follower.state
+    clock.due_ns = clock.origin_ns + due * clock.period_ns
+
+
+@kernel
+def follow(clock, device_time_s, record):
+    """Move the grid towards the device whose clock showed `device_time_s` at the wake-up, if one is followed."""
+    follower = clock.follower
+    if follower.state == GRID:
+        record.clock_error_s, record.clock_moved_ns = np.nan, 0
+        return
+    moved = move_ns(follower, clock.tick, clock.period_ns, clock.due_ns, clock.woken_ns, device_time_s)
+    clock.origin_ns += moved
+    clock.epoch_ns += moved
+    record.clock_error_s, record.clock_moved_ns = follower.error_ns * 1e-9, moved
 
 
 @kernel

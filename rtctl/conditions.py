@@ -5,6 +5,7 @@ import math
 from hal.frames import VALID
 from hal.kernel import kernel
 from hal.troubles import Grade
+from rtctl.device_clock import REFUSED
 from rtctl.exchange.control import ALIVE, GATEWAY_EXPECTED, LOG_WRITING, OPERATOR_EXPECTED, OPERATOR_PRESENT
 from rtctl.lifecycle import REACTION, Condition, Motion, Operating, Task
 
@@ -50,6 +51,9 @@ def watch_inputs(parameters, state, sensors, record):
     _watch_drift(parameters, state, sensors, record)
     if record.missed_ticks > parameters.overrun_ticks:
         raise_condition(state, record, Condition.OVERRUN, float(record.missed_ticks), float(parameters.overrun_ticks))
+    _watch_overruns(parameters, state, record)
+    if record.clock_state == REFUSED:
+        raise_condition(state, record, Condition.DEVICE_CLOCK, math.nan, math.nan)
     health = record.gateway_health
     if health & GATEWAY_EXPECTED:
         if not health & ALIVE:
@@ -61,6 +65,22 @@ def watch_inputs(parameters, state, sensors, record):
     silent = record.tick - state.stream_tick
     if (state.motion == Motion.SERVO_CP or state.motion == Motion.SERVO_CV) and silent > parameters.stream_ticks:
         raise_condition(state, record, Condition.STREAM_SILENT, float(silent), float(parameters.stream_ticks))
+
+
+@kernel
+def _watch_overruns(parameters, state, record):
+    """Missed ticks in windows of the grid; a gap counts where the loop comes back, and for no more than a window."""
+    window, limit = record.tick // parameters.overrun_window_ticks, parameters.overrun_window_limit
+    if window != state.overrun_window:
+        state.overrun_run = state.overrun_run + 1 if state.overrun_missed > limit else 0
+        state.overrun_window, state.overrun_missed = window, 0
+    state.overrun_missed = min(state.overrun_missed + record.missed_ticks, parameters.overrun_window_ticks)
+    run = state.overrun_run + (1 if state.overrun_missed > limit else 0)
+    if run > 0:
+        missed = float(state.overrun_missed)
+        raise_condition(state, record, Condition.OVERRUN_PERSISTENT, missed, float(limit))
+    if run >= parameters.overrun_windows:
+        raise_condition(state, record, Condition.OVERRUN_UNABATED, float(run), float(parameters.overrun_windows))
 
 
 @kernel

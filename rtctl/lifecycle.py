@@ -96,6 +96,9 @@ class Condition(enum.IntEnum):
     DEVICE_PAUSE = 28
     DEVICE_FAULT = 29
     FORCE_DRIFT = 30
+    OVERRUN_PERSISTENT = 31
+    OVERRUN_UNABATED = 32
+    DEVICE_CLOCK = 33
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,9 @@ TABLE: dict[Condition, Row] = {
     Condition.DEVICE_PAUSE: Row(Reaction.PAUSE, "a device asks for a pause", "see the table of troubles, then resume or retract"),
     Condition.DEVICE_FAULT: Row(Reaction.FAULT, "a device cannot go on", "see the table of troubles, then acknowledge"),
     Condition.FORCE_DRIFT: Row(Reaction.NOTE, "the sensor feels {value:.3g} N with the array outside the cochlea (limit {bound:.3g})", "see that nothing touches the array; then the gauges have drifted: run `rtctl unbias`"),
+    Condition.OVERRUN_PERSISTENT: Row(Reaction.PAUSE, "the loop missed {value:.0f} ticks of the window safety.overrun_window_s (limit {bound:.0f})", "relieve the machine (see docs/how-to/bring-up-a-target-pc.md); when a whole window has passed well, resume"),
+    Condition.OVERRUN_UNABATED: Row(Reaction.FAULT, "the loop missed too many ticks in {value:.0f} windows in a row (limit {bound:.0f})", "relieve the machine (see docs/how-to/bring-up-a-target-pc.md), then acknowledge"),
+    Condition.DEVICE_CLOCK: Row(Reaction.NOTE, "the time of the device that paces the loop cannot be true, so the grid is held as it is", "look at the device; the loop follows it again after a second of plausible time"),
 }  # fmt: skip
 DEVICE_CONDITIONS = (Condition.DEVICE_WARNING, Condition.DEVICE_PAUSE, Condition.DEVICE_FAULT)
 """Their value is the code of a :class:`hal.troubles.Trouble`, whose own row has the text; their bound its number."""
@@ -171,6 +177,7 @@ WARNINGS = (
     Condition.IMPEDANCE_UNUSABLE,
     Condition.DEVICE_WARNING,
     Condition.FORCE_DRIFT,
+    Condition.DEVICE_CLOCK,
 )
 """Notes that the operator should see at once."""
 RETRACTION_MASK = PAUSE_MASK & ~sum(1 << c for c in NEVER_BLOCK_RETRACTION)

@@ -20,8 +20,8 @@ from rtctl.exchange.segment import Segment
 from rtctl.stages import POLL, PREPARE, READ, RECORD, TICK
 from rtctl.tick import tick as run_tick
 
-CRUISE_TICKS = 100
-"""Ticks without the interpreter at most, so that it can deal with signals."""
+CRUISE_S = 1.0
+"""Longest time without the interpreter: a signal ends it at once, unless it comes while a tick computes."""
 STOP_LIMIT_TICKS = 3000
 """A motion that has not come to rest this long after a request to end is cut off."""
 
@@ -63,6 +63,7 @@ class Loop:
             hal = device.device, Pointer(device.read), Pointer(device.write)
             self.cruise_arguments = *memory, *exchange, *hal, self.heartbeat_ticks, self.permission
             self.cruise = direct(specialised(cruise, (clocks.grid(1.0), 0, *self.cruise_arguments)))
+            self.cruise_ticks = round(CRUISE_S / controller.settings.loop.period_s)
 
     def run(self, clock: np.ndarray, ticks: int | None = None) -> None:
         """Run until somebody asks for a stop (control word STOP_REQUEST), or for `ticks` ticks; end without power."""
@@ -70,7 +71,7 @@ class Loop:
         ask_usage(self.usage)
         while last is None or clock["tick"][0] < last:
             if self.cruise is not None:
-                ticks = CRUISE_TICKS if last is None else min(CRUISE_TICKS, last - int(clock["tick"][0]))
+                ticks = self.cruise_ticks if last is None else min(self.cruise_ticks, last - int(clock["tick"][0]))
                 if self.cruise(clock, ticks, *self.cruise_arguments) == 0:
                     continue
             if self.cycle(clock):
@@ -86,17 +87,17 @@ class Loop:
             clock, s.control, s.mailbox, self.poller, c.memory, c.record, self.heartbeat_ticks, self.permission
         )
         tick = int(clock["tick"][0])
+        self.backend.read(tick, c.sensors)  # at once: a device's time belongs to the wake-up
+        stamp(clock, c.record, READ)
         if self.ending_since >= 0 or must_end(s.control):
             verb = self._order_end(tick)
-        self.backend.read(tick, c.sensors)
-        stamp(clock, c.record, READ)
         if verb:
             self._prepare(verb, tick)
             stamp(clock, c.record, PREPARE)
         c.step()
         stamp(clock, c.record, TICK)
         self.backend.write(tick, c.actuators)
-        finish(clock, c.record, self.usage, s.records, s.control)
+        finish(clock, c.sensors, c.record, self.usage, s.records, s.control)
         if self.truth is not None:
             publish_truth(c.record, self.truth, s.truths)
         stamp(clock, c.record, RECORD)
@@ -152,10 +153,13 @@ def cruise(
 ):
     """Up to `ticks` ticks without the interpreter, as long as nobody wants anything; see :meth:`Loop.cycle`.
 
-    Returns how many ticks are left: 0, unless somebody wants something. A command that comes while a tick is awaited
+    Returns how many ticks are left: 0 at the end or after a signal, else somebody wants something. A command that comes while a tick is awaited
     stays in the mailbox for the next one. A kernel once :class:`Loop` has compiled it for a device of kernels.
     """
-    while ticks > 0 and is_empty(mailbox) and not must_end(control):
+    clock[0].interrupted = 0
+    while ticks > 0 and not clock[0].interrupted:
+        if must_end(control) or not is_empty(mailbox):
+            return ticks
         clocks.wait(clock[0], record[0])
         record[0].gateway_health = listen(control, poller[0], heartbeat_ticks) | permission
         forget(memory[0].command)
@@ -166,11 +170,11 @@ def cruise(
         run_tick(memory[0], sensors[0], actuators[0], record[0])
         stamp(clock, record, TICK)
         write(device[0], record[0].tick, actuators[0])
-        finish(clock, record, usage, records, control)
+        finish(clock, sensors, record, usage, records, control)
         publish_truth(record, truth, truths)
         stamp(clock, record, RECORD)
         ticks -= 1
-    return ticks
+    return 0
 
 
 @kernel
@@ -202,9 +206,10 @@ def ask_usage(usage):
 
 
 @kernel
-def finish(clock, record, usage, records, control):
-    """Stamp the duration, put the record into the ring, and update the control words others watch."""
+def finish(clock, sensors, record, usage, records, control):
+    """Follow the device, stamp the duration, put the record into the ring, and update the words others watch."""
     r = record[0]
+    clocks.follow(clock[0], sensors[0].device_time_s, r)
     clocks.stamp_duration(clock[0], r)
     usages.note(usage[0], r)
     commit(records, r)

@@ -25,6 +25,11 @@ class Check:
     remedy: str
 
 
+def loop_core(cpu: int) -> int:
+    """The core that `loop.cpu` names; -1 is the last one this process may use."""
+    return cpu if cpu >= 0 else max(os.sched_getaffinity(0))
+
+
 class Machine:
     """Takes hold of the machine for the calling thread; keep it alive as long as the loop runs.
 
@@ -67,7 +72,7 @@ class Machine:
         return Check("SCHED_FIFO", f"priority {os.sched_getparam(0).sched_priority}", good, remedy)
 
     def _bind(self, cpu: int) -> Check:
-        count, chosen = os.cpu_count() or 1, max(os.sched_getaffinity(0)) if cpu < 0 else cpu
+        count, chosen = os.cpu_count() or 1, loop_core(cpu)
         remedy = f"set loop.cpu to one of 0 .. {count - 1}; real time wants two cores or more"
         try:
             os.sched_setaffinity(0, {chosen})  # an isolated core is not among those inherited, but may be taken

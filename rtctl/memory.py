@@ -16,7 +16,7 @@ from rtctl.way_back import ROWS as WAY_ROWS
 
 SEGMENTS = 12
 """Pieces of one channel of a profile: a brake of two, seven of a move, and the final one, rounded up."""
-WINDOW_MAX = 200
+WINDOW_MAX = 1000
 """Samples of the longest moving average: 0.1 s at the shortest period."""
 
 
@@ -82,6 +82,9 @@ def parameters_dtype(dof: int) -> np.dtype:
             ("wrench_age_ticks", "i8"),
             ("power_on_ticks", "i8"),
             ("overrun_ticks", "i8"),
+            ("overrun_window_ticks", "i8"),
+            ("overrun_window_limit", "i8"),
+            ("overrun_windows", "i8"),
             # failure detection
             ("fold_margin", "f8"),
             ("fold_reaction", "i8"),
@@ -137,6 +140,10 @@ def state_dtype(dof: int) -> np.dtype:
             ("stop_cause", "i8"),
             ("power_ticks", "i8"),
             ("plan_number", "i8"),
+            # missed ticks: number of the window under way, those missed in it, windows before it that were bad
+            ("overrun_window", "i8"),
+            ("overrun_missed", "i8"),
+            ("overrun_run", "i8"),
             # high-level controller: setpoint of every channel with its derivatives
             ("setpoint", "f8", (axes,)),
             ("setpoint_rate", "f8", (axes,)),

@@ -66,6 +66,9 @@ def pack(settings: Settings, robot: Robot, number: int) -> np.ndarray:
     for name in ("following_error_rad", "force_limit_n", "drift_limit_n", "axes_age_ticks", "wrench_age_ticks", "power_on_ticks",
                  "overrun_ticks"):  # fmt: skip
         p[name] = getattr(f, name)
+    p["overrun_window_ticks"] = round(f.overrun_window_s / period)
+    p["overrun_window_limit"] = round(f.overrun_share * f.overrun_window_s / period)
+    p["overrun_windows"] = f.overrun_windows
     p["drift_ticks"] = round(f.drift_s / period)
 
     g = s.guidance

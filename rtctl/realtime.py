@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hal.backend import load
-from hal.errors import RtctlError
+from hal.errors import BackendError, RtctlError
 from hal.kernel import loaded
 from rtctl import clock as clocks
 from rtctl.controller import Controller
@@ -61,10 +61,12 @@ def run(arguments: argparse.Namespace) -> int:
         may_arm = backend.simulated or grade == Grade.RT or settings.loop.allow_best_effort
         backend.read(0, controller.sensors)  # the first call of a device may be slow
         backend.write(0, controller.actuators)
+        if settings.loop.clock == "device" and not np.isfinite(controller.sensors["device_time_s"][0]):
+            raise BackendError("no device tells its time, so none can pace the loop", value="loop.clock = device", bound="a device that measures time", remedy="set loop.clock to grid; the plant has a clock of its own with backend.options.crystal_ppm")  # fmt: skip
         loop = Loop(controller, backend, segment, settings.safety.heartbeat_ticks, may_arm)
         (arguments.run_directory / MACHINE_FILE).write_text(json.dumps(machine.as_table(), indent=1))
         put(control, Word.GRADE, grade)
-        clock = clocks.grid(settings.loop.period_s)
+        clock = clocks.make(settings.loop)
         put(control, Word.EPOCH_NS, int(clock["epoch_ns"][0]))
         put(control, Word.REAL_TIME_STATE, RealTimeState.RUNNING)
         rehearsed = loaded()

@@ -39,16 +39,22 @@ INPUTS = frozenset(
         "command_source",
         "command_verb",
         "missed_ticks",
+        "clock_state",
         "gateway_health",
         "time_ns",
     ]
 )
 """What a replay feeds; everything else must come out again, except TIMING."""
 
+ZERO_BEFORE = frozenset({"clock_state"})
+"""Inputs that logs of earlier versions lack, where they would have been zero: there was the grid clock only."""
+
 TIMING = frozenset(
     [
         "tick_ns",
         "lateness_ns",
+        "clock_error_s",
+        "clock_moved_ns",
         "stage_ns",
         "minor_faults",
         "major_faults",
@@ -122,6 +128,8 @@ def controller_table(dof: int) -> Table:
             s("condition_value", "f8", (), "by condition", "offending value of the condition reported"),
             s("condition_bound", "f8", (), "by condition", "the bound it broke"),
             s("trouble_value", "f8", (), "by trouble", "number that belongs to `trouble`"),
+            # the device that paces the loop
+            s("clock_error_s", "f8", (), "s", "grid point after its place in the device's period, NaN while not known"),
             # failure detection: NaN and 0 without a detector, and outside an insertion
             s("predicted_force_n", "f8", (), "N", "f_z at 13.8 mm as far as it can be predicted"),
             s("fold_decision", "f8", (), "", "h of the predicted insertion; normal is above -fold_bound"),
@@ -145,6 +153,7 @@ def controller_table(dof: int) -> Table:
             s("stop_cause", "i4", (), "", "condition or command that ended the last motion, -1 for none"),
             s("kinematic_iterations", "i4", (), "", "Newton steps of the forward kinematics, -1 if it failed"),
             s("detector_samples", "i4", (), "", "samples the detectors have of this insertion, of 97"),
+            s("clock_moved_ns", "i4", (), "ns", "how far the grid was moved after this tick, to follow the device"),
             s("tick_ns", "i4", (), "ns", "time the tick took, from wake-up to the end of the record"),
             s("lateness_ns", "i4", (), "ns", "wake-up after the grid point"),
             s(
@@ -173,6 +182,7 @@ def controller_table(dof: int) -> Table:
                 "1 alive, 2 log writing, 4 operator present, 8 operator expected, 16 gateway expected, 32 arming allowed",
             ),
             s("impedance_usable", "u4", (), "bits", "pairs that guide in this tick, the one at the tip is bit 0"),
+            s("clock_state", "u1", (), "", "0 grid, 1 watching the device's time, 2 pulling in, 3 locked, 4 refused"),
             s("axes_validity", "u1", (), "", "0 invalid, 1 valid, 2 saturated, 3 frozen"),
             s("wrench_validity", "u1", (), "", "0 invalid, 1 valid, 2 saturated, 3 frozen"),
             s("impedance_validity", "u1", (), "", "0 invalid, 1 valid, 2 saturated, 3 frozen"),

@@ -25,7 +25,7 @@ def rehearse(settings: Settings, backend: Backend) -> None:
     """Run a loop through every kind of command with the exact types of the real one; the devices are left alone."""
     controller = Controller(settings)
     segment = Segment.create(layout(controller, backend))
-    clock = clocks.grid(settings.loop.period_s)
+    clock = clocks.make(settings.loop)
     loop = Loop(controller, Understudy(backend), segment, heartbeat_ticks=1, may_arm=True)
     Loop(controller, backend, segment, heartbeat_ticks=1, may_arm=True)  # makes its kernel for this device
     state = controller.memory["state"][0]
@@ -73,7 +73,7 @@ class Understudy:
 
     def read(self, _tick: int, sensors: np.ndarray) -> None:
         """Everything valid and zero, under power."""
-        sensors["powered"] = 1
+        sensors["powered"], sensors["device_time_s"] = 1, np.nan
         for group in ("axes", "wrench", "impedance"):
             sensors[f"{group}_validity"] = VALID
 

@@ -17,7 +17,7 @@ from rtctl.controller import Controller
 from rtctl.log.hashing import check_hashes
 from rtctl.log.reader import Log, open_many
 from rtctl.parameters import pack
-from rtctl.record import INPUTS
+from rtctl.record import INPUTS, ZERO_BEFORE
 from rtctl.replaying.difference import Difference, compared, first_difference
 from rtctl.replaying.elsewhere import with_values
 from rtctl.settings import from_table
@@ -128,7 +128,9 @@ def run_rows(rows, replayed, memory, sensors, actuators):
             command.argument[i] = row.command_argument[i]
         out.tick, out.time_ns = row.tick, row.time_ns
         out.missed_ticks, out.gateway_health = row.missed_ticks, row.gateway_health
+        out.clock_state = row.clock_state
         out.tick_ns, out.lateness_ns = row.tick_ns, row.lateness_ns
+        out.clock_error_s, out.clock_moved_ns = row.clock_error_s, row.clock_moved_ns
         run_tick(memory[0], s, actuators[0], out)
 
 
@@ -154,7 +156,7 @@ def _as_this_version(rows: np.ndarray, dtype: np.dtype) -> np.ndarray:
     if rows.dtype == dtype:
         return rows
     here = {name for name in dtype.names or () if name in (rows.dtype.names or ()) and rows.dtype[name] == dtype[name]}
-    if lacking := sorted(NEEDED - here):
+    if lacking := sorted(NEEDED - here - ZERO_BEFORE):
         raise RtctlError("the log lacks inputs that this version of rtctl reads", value=", ".join(lacking), remedy="replay it with the revision in its header")  # fmt: skip
     fed = np.zeros(len(rows), dtype)
     for name in here:

@@ -53,7 +53,10 @@ class Robot:
 class Loop:
     """The grid the controller runs on, and what it asks of the machine."""
 
-    period_s: float = option(0.001, low=0.0005, high=0.01, unit="s", doc="time between two ticks")
+    period_s: float = option(0.001, low=0.0001, high=0.01, unit="s", doc="time between two ticks")
+    clock: str = option("grid", choices=("grid", "device"), doc="who paces the loop: this machine, or the device that tells its time")  # fmt: skip
+    device_phase_s: float = option(0.0001, low=0.0, high=0.005, unit="s", doc="with clock = device: a tick is due so long after the device's own")  # fmt: skip
+    spin_us: int = option(0, low=0, high=100, unit="us", doc="end of the sleep before a tick that is spent looking at the clock instead")  # fmt: skip
     priority: int = option(80, low=1, high=98, doc="SCHED_FIFO priority of the loop")
     cpu: int = option(-1, low=-1, high=1023, doc="core the loop is bound to; -1 takes the last one")
     allow_best_effort: bool = option(False, doc="arm hardware although the machine does not grant real time")
@@ -241,6 +244,9 @@ class Safety:
     )
     power_on_ticks: int = option(500, low=10, high=5000, unit="ticks", doc="time the amplifiers have to come up")
     overrun_ticks: int = option(40, low=1, high=1000, unit="ticks", doc="missed ticks in one gap that pause the motion")
+    overrun_window_s: float = option(1.0, low=0.1, high=60.0, unit="s", doc="missed ticks are counted over windows of this length, one after the other")  # fmt: skip
+    overrun_share: float = option(0.1, low=0.001, high=1.0, doc="share of the ticks of a window whose loss pauses the motion; 1 never does")  # fmt: skip
+    overrun_windows: int = option(5, low=1, high=1000, doc="so many windows like that in a row remove power")
     heartbeat_ticks: int = option(
         500, low=50, high=5000, unit="ticks", doc="silence of the gateway that pauses the motion"
     )
@@ -529,6 +535,10 @@ def _check(s: Settings) -> None:
         problem = robot.explain(pose)
         if problem is not None:
             raise OptionError(f"workflow.{name}: {problem.what}", value=problem.value, bound=problem.bound, remedy=problem.remedy)  # fmt: skip
+    if s.loop.clock == "device" and s.loop.device_phase_s >= s.loop.period_s:
+        raise OptionError("loop.device_phase_s is not inside a period", value=s.loop.device_phase_s, bound=f"below loop.period_s = {s.loop.period_s:g}")  # fmt: skip
+    if s.loop.spin_us * 1e-6 > s.loop.period_s / 4:
+        raise OptionError("loop.spin_us takes too much of a period", value=s.loop.spin_us, bound=f"a quarter of loop.period_s = {s.loop.period_s:g}", remedy="a core that never sleeps is stopped by the kernel")  # fmt: skip
     if s.admittance.blend_end_mm <= s.admittance.blend_start_mm:
         raise OptionError("admittance.blend_end_mm must be larger than blend_start_mm", value=s.admittance.blend_end_mm, bound=f"above {s.admittance.blend_start_mm}")  # fmt: skip
     if s.electrode.length_mm != LENGTH_MM:

@@ -1,6 +1,7 @@
 // rtctl/conditions.py
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "layout.hpp"
@@ -32,6 +33,21 @@ void watch_force(const Parameters &parameters, State &state, const Sensors &sens
         if (force > parameters.force_limit_n)
             raise_condition(state, record, Condition::FORCE_LIMIT, force, parameters.force_limit_n);
     }
+}
+
+void watch_overruns(const Parameters &parameters, State &state, Record &record) {
+    const int64_t window = record.tick / parameters.overrun_window_ticks, limit = parameters.overrun_window_limit;
+    if (window != state.overrun_window) {
+        state.overrun_run = state.overrun_missed > limit ? state.overrun_run + 1 : 0;
+        state.overrun_window = window;
+        state.overrun_missed = 0;
+    }
+    state.overrun_missed = std::min<int64_t>(state.overrun_missed + record.missed_ticks, parameters.overrun_window_ticks);
+    const int64_t run = state.overrun_run + (state.overrun_missed > limit ? 1 : 0);
+    if (run > 0)
+        raise_condition(state, record, Condition::OVERRUN_PERSISTENT, double(state.overrun_missed), double(limit));
+    if (run >= parameters.overrun_windows)
+        raise_condition(state, record, Condition::OVERRUN_UNABATED, double(run), double(parameters.overrun_windows));
 }
 
 void watch_drift(const Parameters &parameters, State &state, const Sensors &sensors, Record &record) {
@@ -71,6 +87,9 @@ void watch_inputs(const Parameters &parameters, State &state, const Sensors &sen
     if (record.missed_ticks > parameters.overrun_ticks)
         raise_condition(state, record, Condition::OVERRUN, double(record.missed_ticks),
                         double(parameters.overrun_ticks));
+    watch_overruns(parameters, state, record);
+    if (record.clock_state == CLOCK_REFUSED)
+        raise_condition(state, record, Condition::DEVICE_CLOCK, NOT_KNOWN, NOT_KNOWN);
     const int64_t health = record.gateway_health;
     if (health & GATEWAY_EXPECTED) {
         if (!(health & ALIVE))

@@ -1,6 +1,5 @@
 """cyclictest as the physical reference: what this core can do for a thread that does nothing but wake up."""
 
-import os
 import re
 import shutil
 import subprocess
@@ -8,6 +7,7 @@ import subprocess
 import numpy as np
 
 from hal.errors import RtctlError
+from rtctl.machine import loop_core
 from rtctl.readiness.times import COUNTED_NS, Times
 from rtctl.settings import Settings
 
@@ -55,7 +55,6 @@ def read(text: str) -> Times:
 
 def command(settings: Settings, loops: int) -> list[str]:
     """One thread, memory locked, at the priority, the period and on the core of the loop; a histogram at the end."""
-    core = settings.loop.cpu if settings.loop.cpu >= 0 else max(os.sched_getaffinity(0))
     interval_us = round(settings.loop.period_s * 1e6)
-    options = f"-m -q -N -p {settings.loop.priority} -i {interval_us} -l {loops} -h {COUNTED_NS} -a {core} -t 1"
+    options = f"-m -q -N -p {settings.loop.priority} -i {interval_us} -l {loops} -h {COUNTED_NS} -a {loop_core(settings.loop.cpu)} -t 1"
     return ["cyclictest", *options.split()]

@@ -1,11 +1,11 @@
 """All looks at the machine, and the grade its real-time process will have."""
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from rtctl.exchange.control import Grade
+from rtctl.machine import loop_core
 from rtctl.readiness import certificate, core, host, kernel, packages
 from rtctl.readiness.facts import Facts, Unreadable
 from rtctl.readiness.finding import Finding, Verdict, costs, good, unknown
@@ -53,7 +53,7 @@ def examine(settings: Settings, facts: Facts | None = None, watched_s: float = W
         RtctlError: the child process that asks for real time failed.
     """
     facts = facts or Facts()
-    number = settings.loop.cpu if settings.loop.cpu >= 0 else max(os.sched_getaffinity(0))
+    number = loop_core(settings.loop.cpu)
     obtained = obtain(settings)
     findings = [
         _look("preemption", lambda: kernel.preemption(facts)),

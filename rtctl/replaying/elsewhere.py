@@ -87,9 +87,10 @@ def with_values(table: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]
 
 def as_here(rows: np.ndarray, dtype: np.dtype) -> np.ndarray:
     """Rows (n,) in this revision's layout."""
-    from rtctl.record import INPUTS
+    from rtctl import record
 
-    lacking = [n for n in sorted(INPUTS) if n not in (rows.dtype.names or ()) or rows.dtype[n] != dtype[n]]
+    needed = record.INPUTS - getattr(record, "ZERO_BEFORE", frozenset())
+    lacking = [n for n in sorted(needed) if n not in (rows.dtype.names or ()) or rows.dtype[n] != dtype[n]]
     if lacking:
         raise Unreadable(f"it reads inputs that the log lacks: {', '.join(lacking)}")
     fed = np.zeros(len(rows), dtype)

@@ -133,12 +133,13 @@ def main() -> None:
     parser.add_argument("--robot", required=True)
     parser.add_argument("--endpoint", required=True)
     parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--rest", type=float, default=REST_S, help="between two bursts [s]")
     arguments = parser.parse_args()
     storm = Storm(arguments.robot, arguments.endpoint, arguments.seed)
     begun, over = time.monotonic(), False
     while not over:
         over = bool(select.select([sys.stdin], [], [], 0.0)[0])
-        if (time.monotonic() - begun) % (BURST_S + REST_S) < BURST_S:
+        if (time.monotonic() - begun) % (BURST_S + arguments.rest) < BURST_S:
             storm.batch()
         else:
             time.sleep(RETRY_S)

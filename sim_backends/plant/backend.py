@@ -17,7 +17,7 @@ from sim_backends.plant.state import AXES, TABLE, pack
 class PlantBackend:
     """Planar insertion robot, stylet drive, force sensor, array and cochlea, simulated tick by tick (08).
 
-    Time is the tick number alone: nothing here looks at a clock, and a run depends on options, seed, and the ticks and
+    Time is the tick number alone: nothing here looks at a clock but the crystal, whose time goes nowhere; a run depends on options, seed, and the ticks and
     frames it is given. The mechanics persist from one session to the next, as those of a real bench do.
 
     Args:

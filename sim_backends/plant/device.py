@@ -7,6 +7,7 @@ from numba import types
 
 from hal.frames import INVALID, SATURATED, VALID, actuator_frame, sensor_frame
 from hal.kernel import kernel
+from sim_backends.plant import crystal
 from sim_backends.plant.bench import advance, clear_command, cut_power, load_array, start
 from sim_backends.plant.impedance import measure
 from sim_backends.plant.motors import encoder_angle
@@ -136,6 +137,7 @@ def _show_array(array, truth):
 @kernel(signature=READ)
 def read(device, tick, sensors):
     """Simulate up to `tick` with the command last written, then sample every sensor. Always 0."""
+    sensors.device_time_s = crystal.time_s(device.crystal)
     if device.opened:
         if not device.started:
             start(device, tick)

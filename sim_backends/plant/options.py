@@ -357,6 +357,13 @@ class PlantOptions:
     array: Array
     inject: Inject
     ideal: Ideal
+    crystal_ppm: float | None = option(
+        None,
+        low=-500_000.0,
+        high=500_000.0,
+        unit="ppm",
+        doc="the bench has a clock of its own, which runs so much faster than this machine's; for loop.clock = device",
+    )
     start_pose_mm_rad: tuple[float, ...] = option(
         (154.0, -5.0, -0.01),
         shape=(3,),

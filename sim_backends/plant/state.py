@@ -10,7 +10,7 @@ from hal.signals import TICK, TIME, Signal, Table
 from rtctl import robots
 from rtctl.electrode.cochlea import SPIRAL_A_MM
 from rtctl.robots.planar_3rpr import PLANAR_3RPR
-from sim_backends.plant import impedance, scala, transmission
+from sim_backends.plant import crystal, impedance, scala, transmission
 from sim_backends.plant.ideal import idealised
 from sim_backends.plant.impedance import IMPEDANCE
 from sim_backends.plant.motors import MOTOR
@@ -100,6 +100,7 @@ DEVICE = np.dtype(
         ("impedance", IMPEDANCE),
         ("scala", SCALA),
         ("array", ROD),
+        ("crystal", crystal.CRYSTAL),
         ("truth", TRUTH),
         # flags
         ("opened", "u1"),
@@ -132,6 +133,7 @@ def pack(options: PlantOptions, period_s: float, seed: int) -> np.ndarray:
     impedance.pack(options.impedance, options.inject, options.array.length_mm, period_s, seed, d["impedance"])
     scala.pack(options.anatomy, specimen(options), d["scala"])
     rod.pack(options.array, d["array"])
+    crystal.pack(options.crystal_ppm, d["crystal"])
     d["truth"]["entry_in_base_mm"] = options.anatomy.entry_in_base_mm
     d["truth"]["insertion_angle_rad"] = options.anatomy.insertion_angle_rad
     d["truth"]["cochlea_scale"] = options.anatomy.spiral_a_mm / SPIRAL_A_MM

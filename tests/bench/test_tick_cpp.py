@@ -9,6 +9,7 @@ from bench.tick_cost import check_equal
 from hal.frames import FROZEN, INVALID, SATURATED
 from rtctl.commands import COMMAND, Reason, Verb
 from rtctl.controller import Controller
+from rtctl.device_clock import ClockState
 from rtctl.exchange.control import (
     ALIVE,
     ARMING_ALLOWED,
@@ -55,13 +56,14 @@ class Twins:
         self.tick = int(memory["state"]["tick"][0])
         self.seen = []
 
-    def step(self, command, health, missed):
+    def step(self, command, health, missed, clock_state):
         c = self.controller
         self.tick += 1 + missed
         c.order(command)
         c.propose(self.tick)
         records: np.ndarray = np.zeros((2, 1), c.record.dtype)
         records["tick"], records["gateway_health"], records["missed_ticks"] = self.tick, health, missed
+        records["clock_state"] = clock_state
         memories, actuators = np.repeat(c.memory[None], 2, 0), np.zeros((2, 1), c.actuators.dtype)
         drive(memories[0], c.sensors, actuators[0], records[0])
         self.native.drive(memories[1], c.sensors, actuators[1], records[1])
@@ -94,7 +96,7 @@ class Adversary:
         self.random = np.random.default_rng(seed)
         self.frames, self.at = sensors, 0
         self.fault, self.fault_left = None, 0
-        self.health = WELL
+        self.health, self.gaps = WELL, 0.0
         self.way = self.random.normal(0.0, (5.0, 5.0, 0.2))
 
     def sensors(self, now):
@@ -135,7 +137,12 @@ class Adversary:
         return self.health
 
     def missed(self):
-        return int(self.random.choice([1, 2, 500])) if self.random.random() < 0.003 else 0
+        """A gap now and then, and more often soon after one."""
+        self.gaps = 0.1 if self.random.random() < 0.003 else self.gaps * 0.97
+        return int(self.random.choice([1, 2, 500])) if self.random.random() < 0.003 + self.gaps else 0
+
+    def clock_state(self):
+        return int(self.random.choice(ClockState)) if self.random.random() < 0.01 else 0
 
     def command(self, state, tick):
         """Mostly none; else any verb with arguments that fit it more often than not."""
@@ -177,6 +184,15 @@ def begin(settings, native, piece, skipped, seed):
     drive(memory, piece.sensors[:skipped], np.zeros_like(piece.actuators[:skipped]), records)
     if seed % 3:  # recorded motors do not follow, and that shall not end every motion
         memory["parameters"]["following_error_rad"] = 1e9
+    parameters = memory["parameters"]
+    if seed % 5 == 0:
+        parameters["overrun_window_ticks"], parameters["overrun_window_limit"], parameters["overrun_windows"] = (
+            20,
+            1,
+            1 + seed % 2,
+        )
+    else:  # a second of rest after every gap would be most of what there is to see
+        parameters["overrun_window_limit"] = parameters["overrun_window_ticks"]
     if seed % 4 == 3:  # a small room, so that insertions and streams come to its walls
         for field, side in (("box_low", -1.0), ("box_high", 1.0)):
             memory["robot"][field] = memory["state"]["reference"] + side * np.array((0.5, 0.5, 0.05))
@@ -207,7 +223,8 @@ def test_whatever_comes_in_both_do_the_same(settings, native, pieces):
         state = twins.controller.memory["state"][0]
         for _ in range(500):
             twins.controller.sensors[:] = adversary.sensors(state)
-            twins.step(adversary.command(state, twins.tick + 1), adversary.gateway(), adversary.missed())
+            command, health = adversary.command(state, twins.tick + 1), adversary.gateway()
+            twins.step(command, health, adversary.missed(), adversary.clock_state())
         seen += twins.seen
     records = np.array(seen)
     # the test is worth something only if it got around
@@ -216,7 +233,8 @@ def test_whatever_comes_in_both_do_the_same(settings, native, pieces):
     assert len(accepted) >= 13
     assert len(set(records["command_verdict"].tolist())) >= 12
     assert len(raised) >= 11
-    assert Condition.WORKSPACE in raised
+    wanted = {Condition.WORKSPACE, Condition.OVERRUN_PERSISTENT, Condition.OVERRUN_UNABATED, Condition.DEVICE_CLOCK}
+    assert wanted <= set(raised)
     assert set(records["operating_state"].tolist()) == set(Operating)
     for field in ("motion", "task_state"):
         assert len(set(records[field].tolist())) >= 6

@@ -11,7 +11,7 @@ from pathlib import Path
 from rtctl.client import Client, NoReply
 from rtctl.log.reader import Log, open_many
 
-PATIENT = ("backend.options.watchdog_ticks=2000", "safety.overrun_ticks=1000")
+PATIENT = ("backend.options.watchdog_ticks=2000", "safety.overrun_ticks=1000", "safety.overrun_share=1.0")
 """A shared machine stalls as it likes; only the test that freezes the loop on purpose is about that."""
 
 SCRIPT = """

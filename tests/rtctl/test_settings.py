@@ -21,10 +21,11 @@ UNITS = (
     "_mm_per_rad", "_rad_per_s2", "_mm_per_s2", "_rad_per_s3", "_mm_per_s3", "_v_per_rad", "_v_per_rad_s",
     "_v_s_per_rad", "_v_per_s", "_n_per_mm", "_mm_per_n_s", "_mm_rad", "_nmm2", "_nmm_s", "_nmm_s2", "_nmm_per_a",
     "_a_per_v", "_in_base_mm", "_in_sensor_mm", "_v_per_v", "_ohm", "_mh", "_mm2", "_kg_mm2",
-    "_n_per_mm2", "_per_mm", "_n_s_per_mm", "_n_s_per_mm2",
+    "_ppm", "_n_per_mm2", "_per_mm", "_n_s_per_mm", "_n_s_per_mm2",
 )  # fmt: skip
 DIMENSIONLESS = {
     "guidance.margin",
+    "safety.overrun_share",
     "electrode.modal_matrix",  # mixed powers of mm, in its unit text
     "sensor.gravity_direction_in_base",
     "sensor.bias",  # N and N mm in one vector
@@ -70,7 +71,7 @@ def test_an_unknown_section_names_the_nearest_known_one():
 
 
 def test_an_unknown_key_near_to_nothing_lists_what_there_is():
-    assert "known here: period_s, priority" in refused({"loop": {"xyzzy": 1}})
+    assert "known here: period_s, clock" in refused({"loop": {"xyzzy": 1}})
 
 
 @pytest.mark.parametrize(
@@ -79,7 +80,7 @@ def test_an_unknown_key_near_to_nothing_lists_what_there_is():
         ({"loop": 3}, ("loop must be a table", "[loop]")),
         ({"robot": {"geometry": 3}}, ("robot.geometry must be a table",)),
         ({"backend": {"options": [1]}}, ("backend.options must be a table",)),
-        ({"loop": {"period_s": 0.1}}, ("loop.period_s is out of bounds", "0.1", "0.0005 .. 0.01 s")),
+        ({"loop": {"period_s": 0.1}}, ("loop.period_s is out of bounds", "0.1", "0.0001 .. 0.01 s")),
         ({"loop": {"period_s": "fast"}}, ("loop.period_s must be a float",)),
         ({"loop": {"priority": 70.5}}, ("loop.priority must be a int",)),
         ({"loop": {"priority": True}}, ("loop.priority must be a int",)),

@@ -8,6 +8,7 @@ import pytest
 from hal.frames import INVALID
 from hal.troubles import Grade, Trouble
 from rtctl.commands import COMMAND, Reason, Verb
+from rtctl.device_clock import ClockState
 from rtctl.exchange.control import ALIVE, ARMING_ALLOWED, GATEWAY_EXPECTED, LOG_WRITING, OPERATOR_EXPECTED
 from rtctl.lifecycle import TABLE, Condition, Motion, Operating, Reaction, Task
 from rtctl.record import TIMING
@@ -19,7 +20,7 @@ class Bed:
     def __init__(self, rig):
         self.c, self.backend, self.tick = rig.controller, rig.lockstep.backend, rig.lockstep.tick
         self.health = ARMING_ALLOWED
-        self.missed = 0
+        self.missed = self.clock_state = 0
 
     def step(self, verb=Verb.NONE, *arguments, spoil=None, **command):
         c = self.c
@@ -35,6 +36,7 @@ class Bed:
             spoil(c)
         r = c.record
         r["tick"], r["time_ns"], r["gateway_health"], r["missed_ticks"] = self.tick, 0, self.health, self.missed
+        r["clock_state"] = self.clock_state
         c.step()
         self.backend.write(self.tick, c.actuators)
         self.tick += 1
@@ -247,6 +249,81 @@ def test_missed_ticks_pause_beyond_their_limit(moving):
     moving.missed = limit + 1
     record = moving.step()
     assert (record["operating_state"], record["condition_value"]) == (Operating.PAUSED, limit + 1)
+
+
+class Stumbling:
+    """A loop that misses some ticks of every window, by settings of 100 ticks, of which 10 may be missed, three times."""
+
+    def __init__(self, bed):
+        self.bed = bed
+        p = bed.c.memory["parameters"][0]
+        p["overrun_window_ticks"], p["overrun_window_limit"], p["overrun_windows"] = 100, 10, 3
+        bed.tick += -bed.tick % 100
+        bed.step()
+
+    def window(self, *gaps):
+        """One window with these gaps; the last record of it."""
+        bed = self.bed
+        for missed in (*gaps, *[0] * (100 - len(gaps) - sum(gaps))):
+            bed.missed, bed.tick = missed, bed.tick + missed
+            last = bed.step()
+        return last
+
+
+def test_persistent_overruns_pause_although_each_gap_is_small(moving):
+    loop = Stumbling(moving)
+    assert loop.window(*[1] * 10)["operating_state"] == Operating.ENABLED, "as many as may be"
+    assert loop.window()["operating_state"] == Operating.ENABLED
+    record = loop.window(2, 2, 2, 2, 2, 1)
+    assert active(record) == {Condition.OVERRUN_PERSISTENT}
+    assert (record["operating_state"], record["stop_cause"]) == (Operating.PAUSED, Condition.OVERRUN_PERSISTENT)
+    moving.missed = 0
+    assert moving.ask(Verb.RESUME) is Reason.STILL_PRESENT, "until a whole window has passed well"
+    loop.window()
+    assert moving.ask(Verb.RESUME) is Reason.ACCEPTED
+
+
+def test_overruns_that_go_on_remove_power(moving):
+    loop = Stumbling(moving)
+    for _ in range(2):
+        assert loop.window(*[1] * 11)["operating_state"] == Operating.PAUSED
+    record = loop.window(*[1] * 11)
+    assert record["operating_state"] == Operating.FAULT
+    assert record["fault_cause"] == Condition.OVERRUN_UNABATED
+    assert not record["power_request"]
+    loop.window()
+    moving.missed = 0
+    assert moving.ask(Verb.ACKNOWLEDGE) is Reason.ACCEPTED
+
+
+def test_bad_windows_apart_from_each_other_remove_no_power(moving):
+    loop = Stumbling(moving)
+    for _ in range(5):
+        loop.window(*[1] * 11)
+        record = loop.window()
+    assert record["operating_state"] == Operating.PAUSED
+
+
+def test_one_gap_counts_for_one_window_however_long(moving):
+    loop = Stumbling(moving)
+    moving.missed, moving.tick = 5000, moving.tick + 5000
+    overruns = {Condition.OVERRUN, Condition.OVERRUN_PERSISTENT, Condition.OVERRUN_UNABATED}
+    assert active(moving.step()) & overruns == {Condition.OVERRUN, Condition.OVERRUN_PERSISTENT}
+    assert loop.bed.c.memory["state"]["overrun_missed"][0] == 100
+    moving.missed = 0
+    for _ in range(210):
+        record = moving.step()
+    assert not active(record) & overruns
+
+
+def test_a_refused_device_time_is_noted_and_stops_nothing(moving):
+    moving.clock_state = ClockState.REFUSED
+    record = moving.step()
+    assert active(record) == {Condition.DEVICE_CLOCK}
+    assert record["condition_reported"] == Condition.DEVICE_CLOCK
+    assert record["operating_state"] == Operating.ENABLED
+    moving.clock_state = ClockState.LOCKED
+    assert active(moving.step()) == set()
 
 
 def test_a_motion_goes_on_from_where_it_was_after_missed_ticks(moving):
