@@ -550,7 +550,7 @@ def test_wrong_shapes_never_reach_compiled_code(robot):
 
 
 def test_facade_describes_the_robot(robot):
-    assert (robot.kind, robot.dof, robot.length_dofs, robot.joint_unit) == ("planar_3rpr", 3, 2, "mm")
+    assert (robot.kind, robot.dof, robot.length_dofs, robot.joint_units) == ("planar_3rpr", 3, 2, ("mm",) * 3)
     assert robot.pose_names == ("x_mm", "y_mm", "phi_rad")
     assert robot.translation_mask == (True, True, False)
     assert robot.record.shape == (1,)
