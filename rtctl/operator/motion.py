@@ -16,6 +16,7 @@ COORDINATES: dict[str, tuple[int, ...]] = {
     "planar_3rpr": (0, 1, 5),
     "cartesian_4": (0, 1, 2, 5),
     "hexapod": (0, 1, 2, 3, 4, 5),
+    "cochlerob": (0, 1, 2, 3, 5),
 }
 """Kind of robot -> the component of the twist (vx, vy, vz, wx, wy, wz) that each entry of its pose follows.
 
