@@ -367,12 +367,7 @@ def determinant(robot, pose):
     x, y, z = pose[0], pose[1], pose[2]
     a, b, c = _leg(robot, 0, x, y, z, r), _leg(robot, 1, x, y, z, r), _leg(robot, 2, x, y, z, r)
     d, e, f = _leg(robot, 3, x, y, z, r), _leg(robot, 4, x, y, z, r), _leg(robot, 5, x, y, z, r)
-    odd = (
-        _minors(a, b, d, c, e, f)
-        + _minors(a, b, f, c, d, e)
-        + _minors(a, c, e, b, d, f)
-        + _minors(a, d, f, b, c, e)
-    )
+    odd = _minors(a, b, d, c, e, f) + _minors(a, b, f, c, d, e) + _minors(a, c, e, b, d, f) + _minors(a, d, f, b, c, e)
     even = (
         _minors(a, b, c, d, e, f)
         + _minors(a, b, e, c, d, f)
