@@ -15,10 +15,10 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
 import numpy as np
@@ -29,6 +29,10 @@ from rtctl.commands import CommandRefused, Verb
 from rtctl.gateway.keys import REQUESTS, STAGED, key_of
 from rtctl.gateway.transport import configure
 from rtctl.record import CDR_HEADER, controller_table
+
+if TYPE_CHECKING:
+    from rtctl.scope.client import RemoteScope
+    from rtctl.scope.setup import Trigger
 
 CONNECT_S = 1.0
 CLOSE_S = 2.0
@@ -65,6 +69,8 @@ class Reply:
 
     tick: int | None = None
     result: dict[str, Any] = field(default_factory=dict)
+    data: bytes = b""
+    """of a capture"""
 
 
 class Client:
@@ -209,6 +215,27 @@ class Client:
 
         self._subscribers.append(self._session.declare_subscriber(self._key(key), receive))
 
+    def scope(
+        self, signals: Sequence[str], trigger: "Trigger | str | None" = None, *, edge: str = "", **setup: Any
+    ) -> "RemoteScope":
+        """Open a scope: captures of `signals` at the full rate around a trigger; needs no lease.
+
+        Args:
+            signals: names of signals of the record, ``wrench_in_base[2]`` for one number of a vector.
+            trigger: one of :data:`rtctl.scope.setup.Trigger`, or text as in ``'force_axial_n < -0.05'``; None: at once.
+            edge: with a text: rising, falling or either, to wait for the edge and not for the level.
+            setup: samples, pre, decimation, captures, auto of :class:`rtctl.scope.setup.Setup`.
+
+        Raises:
+            ScopeError: the setup is not one.
+            CommandRefused: it is refused, with the reason and the remedy.
+        """
+        from rtctl.scope.client import RemoteScope
+        from rtctl.scope.setup import Free, make_setup, parse_trigger
+
+        chosen = parse_trigger(trigger, edge) if isinstance(trigger, str) else trigger or Free()
+        return RemoteScope(self._request, make_setup(signals=signals, trigger=chosen, **setup))
+
     def is_alive(self) -> bool:
         """True if a gateway of this robot is on the network."""
         replies = self._session.liveliness().get(self._key("alive"), timeout=self.timeout_s)
@@ -259,7 +286,7 @@ class Client:
         )
         for reply in replies:
             if reply.ok is not None:
-                return _read(reply.ok.payload.to_bytes())
+                return _read(reply.ok)
         bound = f"within {timeout_s or self.timeout_s:g} s"
         raise NoReply(f"no reply to {name}", bound=bound, remedy=self._who_is_there())
 
@@ -318,10 +345,11 @@ def open_session(endpoint: str, user: str = "", password: str = "") -> zenoh.Ses
         raise NoReply("nobody answers", value=endpoint, remedy=remedy) from None
 
 
-def _read(payload: bytes) -> Reply:
-    content = json.loads(payload)
+def _read(sample: zenoh.Sample) -> Reply:
+    content = json.loads(sample.payload.to_bytes())
     if content["accepted"]:
-        return Reply(content.get("tick"), content.get("result", {}))
+        data = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        return Reply(content.get("tick"), content.get("result", {}), data)
     bound = content.get("bound")
     raise CommandRefused(
         content.get("reason", ""),

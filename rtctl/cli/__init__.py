@@ -16,11 +16,13 @@ from rtctl.cli import (
     daemon,
     detector,
     devices,
+    doctor,
     logs,
     motion,
     operate,
     parameters,
     plan,
+    scope,
     simulation,
     study,
     watching,
@@ -40,7 +42,8 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 for family in (
-    daemon, simulation, bench, watching, devices, client, motion, operate, plan, parameters, logs, configuration, calibrate, detector, study,
+    daemon, simulation, bench, watching, scope, devices, doctor, client, motion, operate, plan, parameters, logs,
+    configuration, calibrate, detector, study,
 ):  # fmt: skip
     family.add_to(app)
 

@@ -16,16 +16,22 @@ from rtctl.gateway import messages
 from rtctl.gateway.commander import VERDICT_S
 from rtctl.gateway.feedback import numbers, operating_state
 from rtctl.gateway.keys import CRTK_STATE_COMMANDS, REQUESTS, Key, Kind
-from rtctl.gateway.messages import CommandRequest, GetRequest, PlanRequest, Reply, Request, SetRequest, StateRequest
+from rtctl.gateway.messages import (
+    Answer,
+    CommandRequest,
+    GetRequest,
+    PlanRequest,
+    Reply,
+    Request,
+    SetRequest,
+    StateRequest,
+)
 from rtctl.gateway.refusal import Refusal, from_error
 from rtctl.gateway.run import Run
 from rtctl.gateway.staging import log_and_stage, next_number
 from rtctl.log.format import PARAMETERS, PLANS
 from rtctl.plan_file import from_document, known_plan
 from rtctl.planner import make_plan
-
-Answer = Callable[[Reply], None]
-"""Takes the reply; called once, from any thread."""
 
 
 class Cancelled(Exception):
@@ -64,6 +70,8 @@ class Desk:
             self._command(key, request, remaining_s, answer)
         elif key.kind is Kind.PLAN:
             self._plan(cast(PlanRequest, request), answer)
+        elif key.kind is Kind.SCOPE_OPEN or key.kind is Kind.SCOPE:
+            answer(*self._run.scopes.answer(name, request))
         else:
             handle = {
                 Kind.GET: self._get,

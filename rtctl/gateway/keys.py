@@ -29,6 +29,8 @@ class Kind(enum.Enum):
     LIST = enum.auto()
     LEASE = enum.auto()
     STATUS = enum.auto()
+    SCOPE_OPEN = enum.auto()
+    SCOPE = enum.auto()
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,11 @@ REQUESTS: dict[str, Key] = {
     "lease/renew": Key(Kind.LEASE, "heartbeat of the holder", lease=False, urgent=True),
     "lease/release": Key(Kind.LEASE, "stop being the writer", lease=False, urgent=True),
     "status": Key(Kind.STATUS, "everything an operator wants to see at a glance", lease=False),
+    "scope/open": Key(Kind.SCOPE_OPEN, "begin a scope as `setup` says; the reply names it", lease=False),
+    "scope/state": Key(Kind.SCOPE, "how far `scope` is; a sign of life of its client", lease=False),
+    "scope/force": Key(Kind.SCOPE, "have `scope` fire now", lease=False),
+    "scope/read": Key(Kind.SCOPE, "bytes of the next capture of `scope` after `seen`, from `offset` on", lease=False),
+    "scope/close": Key(Kind.SCOPE, "end `scope`", lease=False),
 }
 
 FEEDBACK: dict[str, tuple[str, ...]] = {

@@ -1,12 +1,13 @@
 """Requests and replies on the wire: JSON, checked against types before anybody looks at them."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import msgspec
 
 from rtctl.gateway.keys import Key, Kind
 from rtctl.gateway.refusal import Refusal
+from rtctl.scope.setup import Setup
 
 MAX_VALIDITY_S = 10.0
 FUTURE_S = 0.1
@@ -76,6 +77,23 @@ class PlanRequest(Request, frozen=True, kw_only=True):
     """the document of a plan file, see docs/reference/files.md"""
 
 
+class ScopeOpenRequest(Request, frozen=True, kw_only=True):
+    """Begin a scope."""
+
+    setup: Setup
+
+
+class ScopeRequest(Request, frozen=True, kw_only=True):
+    """Something about an open scope."""
+
+    scope: Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
+    """its name, from the reply to `scope/open`"""
+    seen: Annotated[int, msgspec.Meta(ge=0, le=2**31)] = 0
+    """captures the client has in full; the gateway forgets them"""
+    offset: Annotated[int, msgspec.Meta(ge=0, le=2**31)] = 0
+    """bytes of the next capture that the client has"""
+
+
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The answer to a request."""
 
@@ -92,6 +110,12 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """what was asked for"""
 
 
+class Answer(Protocol):
+    """Takes the reply, and bytes that travel beside it; called once, from any thread."""
+
+    def __call__(self, reply: Reply, data: bytes = b"") -> None: ...
+
+
 TYPES: dict[Kind, type[Request]] = {
     Kind.VERB: CommandRequest,
     Kind.STATE_COMMAND: StateRequest,
@@ -101,6 +125,8 @@ TYPES: dict[Kind, type[Request]] = {
     Kind.LIST: Request,
     Kind.LEASE: Request,
     Kind.STATUS: Request,
+    Kind.SCOPE_OPEN: ScopeOpenRequest,
+    Kind.SCOPE: ScopeRequest,
 }
 DECODERS = {kind: msgspec.json.Decoder(cls) for kind, cls in TYPES.items()}
 encode = msgspec.json.Encoder().encode

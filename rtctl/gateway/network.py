@@ -20,7 +20,7 @@ import zenoh
 from hal.errors import RtctlError
 from rtctl.gateway import messages
 from rtctl.gateway.keys import FEEDBACK, PUBLISHED, REQUESTS
-from rtctl.gateway.messages import Reply
+from rtctl.gateway.messages import Answer, Reply
 from rtctl.gateway.refusal import Refusal
 from rtctl.gateway.transport import configure
 from rtctl.settings import Gateway as Options
@@ -30,7 +30,7 @@ CLOSE_S = 2.0
 OPEN_S = 3.0
 """A port may stay taken for a moment after a gateway was killed."""
 
-AnswerRequest = Callable[[str, bytes, Callable[[Reply], None]], None]
+AnswerRequest = Callable[[str, bytes, Answer], None]
 log = logging.getLogger(__name__)
 
 
@@ -117,18 +117,19 @@ class Network:
             data = b"" if payload is None else payload.to_bytes()
             self._answer(name, data, partial(self._send, query, name))
 
-    def _send(self, query: zenoh.Query, name: str, reply: Reply) -> None:
-        self._replies.put((query, name, reply))
+    def _send(self, query: zenoh.Query, name: str, reply: Reply, data: bytes = b"") -> None:
+        self._replies.put((query, name, reply, data))
 
     def _reply(self) -> None:
         while (item := self._replies.get()) is not None:
-            query, name, reply = item
+            query, name, reply, data = item
             try:
                 wild = "*" in str(query.key_expr)
                 if wild and name not in REQUESTS:
                     query.reply_err(messages.encode(reply))
                 else:
-                    query.reply(f"{self._prefix}/{name}" if wild else query.key_expr, messages.encode(reply))
+                    key = f"{self._prefix}/{name}" if wild else query.key_expr
+                    query.reply(key, messages.encode(reply), attachment=data or None)
             except Exception:  # a client that is gone must not end the thread that answers the others
                 log.warning("cannot reply to %s", query.key_expr, exc_info=True)
             finally:

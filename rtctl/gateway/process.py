@@ -28,10 +28,11 @@ from rtctl.gateway.lease import Lease
 from rtctl.gateway.network import Network
 from rtctl.gateway.parameters import Parameters
 from rtctl.gateway.run import Run
+from rtctl.gateway.scopes import Scopes
 from rtctl.gateway.setup import exercise, header_of, tables_of
 from rtctl.gateway.watch import ProcessWatch
 from rtctl.handover import layout
-from rtctl.log.format import CONTROLLER, EVENTS, PARAMETERS, PLANS
+from rtctl.log.format import CONTROLLER, EVENTS, PARAMETERS, PLANS, TRUTH
 from rtctl.memory import parameters_dtype
 from rtctl.record import CDR_HEADER
 from rtctl.settings import Settings
@@ -41,6 +42,7 @@ DRAIN_S = 0.004
 SLOW_S = 1.0
 """Keys that are published on change are repeated after this time, for clients that come late."""
 SHOWN = ("operating_state", "task_state", "condition_active", "is_homed", "is_busy")
+NOTHING = np.zeros(0)
 EXIT_OK, EXIT_REAL_TIME_DIED = 0, 3
 
 log = logging.getLogger(__name__)
@@ -75,6 +77,7 @@ class Gateway:
             lease=Lease(settings.gateway.lease_s),
             parameters=Parameters(settings, robot, directory),
             watcher=Watcher(choice.device_names),
+            scopes=Scopes(tables),
         )
         self._feedback = Feedback(tables[CONTROLLER])
         self._desk = Desk(self._run)
@@ -114,9 +117,9 @@ class Gateway:
         run, now_s = self._run, time.monotonic()
         put(self._control, Word.GATEWAY_HEARTBEAT, get(self._control, Word.GATEWAY_HEARTBEAT) + 1)
         size = run.journal.size_bytes
-        drained = 0
+        drained, fresh = 0, dict.fromkeys((CONTROLLER, TRUTH), NOTHING)
         for reader in self._readers:
-            rows = reader.read()
+            rows = fresh[reader.topic] = reader.read()
             drained += len(rows)
             if reader.topic == CONTROLLER and len(rows):
                 self._deal_with(rows)
@@ -128,6 +131,7 @@ class Gateway:
         if run.journal.size_bytes != size or run.journal.failure:
             for reader in self._readers:
                 reader.settle()
+        run.scopes.feed(fresh[CONTROLLER], fresh[TRUTH])
         run.commander.expire(now_s)
         busy = run.latest is not None and bool(run.latest["is_busy"])
         silent = run.lease.expire(busy, now_s)

@@ -13,6 +13,7 @@ from rtctl.gateway.events import Event, Watcher
 from rtctl.gateway.journal import Journal
 from rtctl.gateway.lease import Lease
 from rtctl.gateway.parameters import Parameters
+from rtctl.gateway.scopes import Scopes
 from rtctl.robots import Robot
 from rtctl.settings import Settings
 
@@ -29,6 +30,7 @@ class Run:
     lease: Lease
     parameters: Parameters
     watcher: Watcher
+    scopes: Scopes
     latest: Any = None
     """newest controller record, replaced as a whole by the thread that drains; None before the first"""
     told: SimpleQueue[Event] = field(default_factory=SimpleQueue)

@@ -21,7 +21,7 @@ import numpy as np
 from hal.errors import OptionError
 from hal.kernel import kernel
 from hal.options import option, read
-from rtctl.robots import interface
+from rtctl.robots import interface, twist_algebra
 from rtctl.robots.interface import OUTSIDE_BOX, REACHABLE, SINGULAR, STROKE_LIMIT
 from rtctl.robots.orientation import (
     euler_of_quaternion,
@@ -32,6 +32,7 @@ from rtctl.robots.orientation import (
     turned,
 )
 from rtctl.robots.robot import Robot, RobotError, check_home, ordered
+from rtctl.robots.twist_algebra import solve_by_blocks
 
 NEWTON_STEP = 1e-8
 """The last step [mm, rad]; what is left is of the order of its square."""
@@ -239,9 +240,8 @@ def inverse(robot, pose, joint, motor):
 def forward(robot, motor, pose):
     """Newton on the lengths of the legs; the orientation is a unit quaternion, turned by each step's rotation vector.
 
-    A step solves J^T J s = J^T v by blocks, s = (translation, rotation vector): A and D are the 3 x 3 blocks on the
-    diagonal, C the one beside them. That doubles the condition of J, but the residual v stays exact, and Newton with
-    it; nothing needs to be stored or pivoted.
+    A step s = (translation, rotation vector) solves J^T J s = J^T v, in blocks [A C; C^T D] s = (f, m). That squares
+    the condition of J, but v stays exact, and so does where Newton ends; and no row needs to be kept or pivoted.
     """
     x, y, z = pose[0], pose[1], pose[2]
     q = quaternion_of_euler(pose[3], pose[4], pose[5])
@@ -263,30 +263,13 @@ def forward(robot, motor, pose):
             d22, d23, d33 = d22 + wy * wy, d23 + wy * wz, d33 + wz * wz
             f1, f2, f3 = f1 + ux * v, f2 + uy * v, f3 + uz * v
             m1, m2, m3 = m1 + wx * v, m2 + wy * v, m3 + wz * v
-        a = _inverse_of_symmetric(a11, a12, a13, a22, a23, a33)
-        # columns of A^-1 C and A^-1 f
-        g11, g21, g31 = _times(a, c11, c21, c31)
-        g12, g22, g32 = _times(a, c12, c22, c32)
-        g13, g23, g33 = _times(a, c13, c23, c33)
-        h1, h2, h3 = _times(a, f1, f2, f3)
-        # the rest for the rotation: (D - C^T A^-1 C) turn = m - C^T A^-1 f
-        s = _inverse_of_symmetric(
-            d11 - (c11 * g11 + c21 * g21 + c31 * g31),
-            d12 - (c11 * g12 + c21 * g22 + c31 * g32),
-            d13 - (c11 * g13 + c21 * g23 + c31 * g33),
-            d22 - (c12 * g12 + c22 * g22 + c32 * g32),
-            d23 - (c12 * g13 + c22 * g23 + c32 * g33),
-            d33 - (c13 * g13 + c23 * g23 + c33 * g33),
+        change_x, change_y, change_z, turn_x, turn_y, turn_z = solve_by_blocks(
+            (a11, a12, a13, a22, a23, a33),
+            (c11, c12, c13, c21, c22, c23, c31, c32, c33),
+            (d11, d12, d13, d22, d23, d33),
+            (f1, f2, f3),
+            (m1, m2, m3),
         )
-        turn_x, turn_y, turn_z = _times(
-            s,
-            m1 - (c11 * h1 + c21 * h2 + c31 * h3),
-            m2 - (c12 * h1 + c22 * h2 + c32 * h3),
-            m3 - (c13 * h1 + c23 * h2 + c33 * h3),
-        )
-        change_x = h1 - (g11 * turn_x + g12 * turn_y + g13 * turn_z)
-        change_y = h2 - (g21 * turn_x + g22 * turn_y + g23 * turn_z)
-        change_z = h3 - (g31 * turn_x + g32 * turn_y + g33 * turn_z)
         x, y, z = x + change_x, y + change_y, z + change_z
         q = turned(q, turn_x, turn_y, turn_z)
         if not math.isfinite(x + y + z + q[0] + q[1] + q[2] + q[3]):
@@ -297,21 +280,6 @@ def forward(robot, motor, pose):
             pose[3], pose[4], pose[5] = euler_of_quaternion(q)
             return step
     return -1
-
-
-@kernel
-def _inverse_of_symmetric(m11, m12, m13, m22, m23, m33):
-    """Upper triangle of the inverse of a symmetric 3 x 3 matrix, given by its own."""
-    k11, k12, k13 = m22 * m33 - m23 * m23, m13 * m23 - m12 * m33, m12 * m23 - m13 * m22
-    scale = 1.0 / (m11 * k11 + m12 * k12 + m13 * k13)
-    k22, k23, k33 = m11 * m33 - m13 * m13, m12 * m13 - m11 * m23, m11 * m22 - m12 * m12
-    return scale * k11, scale * k12, scale * k13, scale * k22, scale * k23, scale * k33
-
-
-@kernel
-def _times(m, x, y, z):
-    """The symmetric matrix with the upper triangle `m` times (x, y, z)."""
-    return m[0] * x + m[1] * y + m[2] * z, m[1] * x + m[3] * y + m[4] * z, m[2] * x + m[4] * y + m[5] * z
 
 
 @interface.implement(interface.jacobian, HEXAPOD)
@@ -362,47 +330,9 @@ def reach(robot, pose):
 
 @kernel
 def determinant(robot, pose):
-    """det J [mm^3] by Laplace's expansion in the columns of u and of (R P) x u: no division, so right when singular."""
+    """det J [mm^3] of leg lengths per velocity of the tip and angular velocity."""
     r = matrix_of_euler(pose[3], pose[4], pose[5])
     x, y, z = pose[0], pose[1], pose[2]
     a, b, c = _leg(robot, 0, x, y, z, r), _leg(robot, 1, x, y, z, r), _leg(robot, 2, x, y, z, r)
     d, e, f = _leg(robot, 3, x, y, z, r), _leg(robot, 4, x, y, z, r), _leg(robot, 5, x, y, z, r)
-    odd = (
-        _minors(a, b, d, c, e, f)
-        + _minors(a, b, f, c, d, e)
-        + _minors(a, c, e, b, d, f)
-        + _minors(a, d, f, b, c, e)
-    )
-    even = (
-        _minors(a, b, c, d, e, f)
-        + _minors(a, b, e, c, d, f)
-        + _minors(a, c, d, b, e, f)
-        + _minors(a, c, f, b, d, e)
-        + _minors(a, d, e, b, c, f)
-        + _minors(a, e, f, b, c, d)
-    )
-    return even - odd
-
-
-@kernel
-def _minors(a, b, c, d, e, f):
-    """The minors of the rows a, b, c and d, e, f, in both ways to share the columns among them."""
-    return _forces(a, b, c) * _moments(d, e, f) - _forces(d, e, f) * _moments(a, b, c)
-
-
-@kernel
-def _forces(a, b, c):
-    return (
-        a[1] * (b[2] * c[3] - b[3] * c[2])
-        + a[2] * (b[3] * c[1] - b[1] * c[3])
-        + a[3] * (b[1] * c[2] - b[2] * c[1])
-    )  # fmt: skip
-
-
-@kernel
-def _moments(a, b, c):
-    return (
-        a[4] * (b[5] * c[6] - b[6] * c[5])
-        + a[5] * (b[6] * c[4] - b[4] * c[6])
-        + a[6] * (b[4] * c[5] - b[5] * c[4])
-    )  # fmt: skip
+    return twist_algebra.determinant(a[1:], b[1:], c[1:], d[1:], e[1:], f[1:])

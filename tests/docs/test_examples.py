@@ -83,6 +83,7 @@ def test_commands_are_understood(page):
 def test_commands_that_need_no_controller_run(page, capsys):
     for words in console(page):
         alone = words[0] in NEEDS_NO_CONTROLLER or (words[0] == "calibrate" and set(words) & set(FILE_OR_SIMULATION))
+        alone = alone or (words[0] == "scope" and "--log" in words)
         alone = alone or (words[0] == "plan" and words[1:] and words[1] != "load")
         if alone and "$log" not in words:
             expected = FAULT if any("inject" in word for word in words) else 0
@@ -107,7 +108,7 @@ def test_python_runs(page, capsys):
 
 def test_python_that_needs_a_controller_fits_the_code(tmp_path):
     codes = [code for page in WRITTEN for before, code in blocks(page, "python") if NEEDS_CONTROLLER in before]
-    assert len(codes) == 2
+    assert len(codes) == 3
     for i, code in enumerate(codes):
         (tmp_path / f"example_{i}.py").write_text(code)
     command = [

@@ -22,7 +22,9 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4),
     max_leaves=10,
 )
-names = st.sampled_from(["source", "sequence", "timestamp_ns", "valid_for_s", "lease", "arguments", "names", "values"])
+names = st.sampled_from(
+    ["source", "sequence", "timestamp_ns", "valid_for_s", "lease", "arguments", "names", "values", "setup", "scope", "seen", "offset"]
+)  # fmt: skip
 payloads = st.one_of(
     st.binary(max_size=200),
     values.map(lambda v: json.dumps(v).encode()),
