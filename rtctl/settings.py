@@ -44,7 +44,7 @@ ARRAY_MATRIX = (
 class Robot:
     """Which robot, and the controller's model of it."""
 
-    kind: str = option("planar_3rpr", choices=("planar_3rpr",), doc="file in rtctl/robots that implements it")
+    kind: str = option("planar_3rpr", choices=tuple(robots.KINDS), doc="file in rtctl/robots that implements it")
     name: str = option("planar", doc="name in every Zenoh key: rtctl/<name>/...")
     geometry: dict = option({}, doc="geometry and limits; see the robot's own options")
 

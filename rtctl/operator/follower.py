@@ -112,7 +112,7 @@ class Follower:
         rate, dropped = self._projection.rate(demand.twist, demand.frame, record["pose_measured"], STAGES[self._stage])
         if dropped and not self._told_dropped:
             self._told_dropped = True
-            self._tell("this robot cannot follow all of the twist: what leaves its plane is dropped")
+            self._tell("this robot cannot follow all of the twist: what it has no direction for is dropped")
         if not np.isfinite(rate).all():
             self._end("the pose of the gripper is not known: home the robot")
             return

@@ -1,18 +1,27 @@
 """From the operator's twist to a rate of the pose: dead zone, speed stage, limits, and what the robot can do at all."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from hal.errors import RtctlError
+from rtctl import robots
 from rtctl.operator.message import Frame
+from rtctl.robots.orientation import euler_rates
 
 STAGES = (0.1, 0.25, 0.5, 1.0)
 """Speed stages: the twist is multiplied by one of these."""
 
-COORDINATES: dict[str, tuple[int, ...]] = {"planar_3rpr": (0, 1, 5)}
-"""Kind of robot -> the component of the twist (vx, vy, vz, wx, wy, wz) that each entry of its pose follows."""
+COORDINATES: dict[str, tuple[int, ...]] = {
+    "planar_3rpr": (0, 1, 5),
+    "cartesian_4": (0, 1, 2, 5),
+    "hexapod": (0, 1, 2, 3, 4, 5),
+    "cochlerob": (0, 1, 2, 3, 5),
+}
+"""Kind of robot -> the component of the twist (vx, vy, vz, wx, wy, wz) that each entry of its pose follows.
+
+Three angles at the end are Euler angles (rtctl/robots/orientation.py): together they follow the angular velocity.
+"""
 
 
 @dataclass(frozen=True)
@@ -45,20 +54,22 @@ class Projection:
             )
         self._components = np.array(COORDINATES[kind])
         self._others = np.setdiff1d(np.arange(6), self._components)
+        self._has_euler_angles = COORDINATES[kind][-3:] == (3, 4, 5)
         self._limits = limits
+        self._robot = robots.load(kind, {})  # how it turns with its pose is no matter of its geometry
 
     def rate(self, twist: np.ndarray, frame: Frame, pose: np.ndarray, stage: float) -> tuple[np.ndarray, bool]:
         """Rate of the pose (dof,) [mm/s, rad/s] in {B}, and whether something of the twist had to be dropped.
 
         Args:
             twist: (6,) [mm/s, rad/s] of the gripper's tip along the axes of `frame`.
-            pose: (dof,) of the gripper in {B}, the last entry its angle about z; not finite where it is not known.
+            pose: (dof,) of the gripper in {B}; not finite where it is not known.
             stage: factor of :data:`STAGES`.
         """
         limits = self._limits
         v, w = twist[:3], twist[3:]
         if frame == "gripper":
-            turn = _about_z(pose[-1])
+            turn = self._robot.rotation(pose)
             v, w = turn @ v, turn @ w
         v = stage * _live(v, limits.dead_mm_per_s)
         w = stage * _live(w, limits.dead_rad_per_s)
@@ -67,12 +78,9 @@ class Projection:
         whole[self._others] = 0.0
         whole[:3] = _at_most(whole[:3], limits.speed_mm_per_s)
         whole[3:] = _at_most(whole[3:], limits.speed_rad_per_s)
+        if self._has_euler_angles:
+            whole[3:] = euler_rates(pose[-2], pose[-1], *whole[3:])
         return whole[self._components], dropped
-
-
-def _about_z(angle_rad: float) -> np.ndarray:
-    c, s = (math.cos(angle_rad), math.sin(angle_rad)) if math.isfinite(angle_rad) else (math.nan, math.nan)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _dead(components: np.ndarray, limits: Limits) -> np.ndarray:

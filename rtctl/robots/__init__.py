@@ -7,17 +7,23 @@ from typing import Any
 
 from hal.errors import OptionError
 from hal.options import read, table_of
-from rtctl.robots import planar_3rpr
+from rtctl.robots import cartesian_4, cochlerob, hexapod, planar_3rpr
 from rtctl.robots.robot import Robot, RobotError
 
 __all__ = ["GEOMETRIES", "KINDS", "Robot", "RobotError", "fingerprint", "load"]
 
 KINDS: dict[str, Callable[[Mapping[str, Any]], Robot]] = {
     "planar_3rpr": planar_3rpr.load,
+    "cartesian_4": cartesian_4.load,
+    "hexapod": hexapod.load,
+    "cochlerob": cochlerob.load,
 }
 
 GEOMETRIES: dict[str, type] = {
     "planar_3rpr": planar_3rpr.Planar3rprOptions,
+    "cartesian_4": cartesian_4.Cartesian4Options,
+    "hexapod": hexapod.HexapodOptions,
+    "cochlerob": cochlerob.CochlerobOptions,
 }
 """Options of every robot: its geometry and limits."""
 

@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from hal.errors import OptionError
 from hal.kernel import kernel
 from hal.options import option, read
 from rtctl.robots import interface
 from rtctl.robots.interface import OUTSIDE_BOX, REACHABLE, SINGULAR, STROKE_LIMIT
-from rtctl.robots.robot import Robot, RobotError
+from rtctl.robots.robot import Robot, RobotError, check_home, ordered
 
 PRINTED_HOME = (149.167323, -9.859070, math.radians(-2.5749905))
 """Home of the default geometry (01 section 1.2), where the search for home starts."""
@@ -112,10 +111,7 @@ def record(options: Planar3rprOptions) -> np.ndarray:
     """
     data = geometry(options)
     _find_home(data)
-    problem = _robot(data).explain(data["home_pose"][0])
-    if problem is not None:
-        what, remedy = f"home is not usable: {problem.what}", "check the geometry and the limits in robot.geometry"
-        raise RobotError(what, value=problem.value, bound=problem.bound, remedy=remedy)
+    check_home(_robot(data))
     return data
 
 
@@ -123,8 +119,8 @@ def geometry(options: Planar3rprOptions) -> np.ndarray:
     """Like `record`, but without a home: arms at home are said to point along x. OptionError as `record`."""
     o, data = options, np.zeros(1, PLANAR_3RPR)
     stroke_max = o.stroke_max_mm or tuple(a - RESERVED_MM for a in o.a_mm)
-    _ordered("stroke_min_mm", o.stroke_min_mm, "stroke_max_mm", stroke_max)
-    _ordered("box_low_mm_rad", o.box_low_mm_rad, "box_high_mm_rad", o.box_high_mm_rad)
+    ordered("stroke_min_mm", o.stroke_min_mm, "stroke_max_mm", stroke_max)
+    ordered("box_low_mm_rad", o.box_low_mm_rad, "box_high_mm_rad", o.box_high_mm_rad)
     for name in ("a_mm", "eta_mm_per_rad", "pulley_radius_mm", "base_mm", "platform_mm", "determinant_min_mm"):
         data[name] = getattr(o, name)
     data["alpha_cos"], data["alpha_sin"] = np.cos(o.alpha_rad), np.sin(o.alpha_rad)
@@ -132,13 +128,6 @@ def geometry(options: Planar3rprOptions) -> np.ndarray:
     data["box_low"], data["box_high"] = o.box_low_mm_rad, o.box_high_mm_rad
     data["home_arm"][:, :, 0] = 1.0
     return data
-
-
-def _ordered(low_name: str, low: tuple[float, ...], high_name: str, high: tuple[float, ...]) -> None:
-    for k, (a, b) in enumerate(zip(low, high, strict=True)):
-        if a >= b:
-            what = f"robot.geometry.{low_name}[{k}] is not below {high_name}[{k}]"
-            raise OptionError(what, value=a, bound=f"below {b:g}", remedy="set both")
 
 
 def _find_home(data: np.ndarray) -> None:
@@ -164,7 +153,7 @@ def _robot(data: np.ndarray) -> Robot:
         kind="planar_3rpr",
         pose_names=("x_mm", "y_mm", "phi_rad"),
         joint_names=("q1_mm", "q2_mm", "q3_mm"),
-        joint_unit="mm",
+        joint_units=("mm",) * 3,
         record=data,
         translation_mask=(True, True, False),
         length_dofs=2,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hal.errors import RtctlError
+from hal.errors import OptionError, RtctlError
 from hal.kernel import kernel
 from rtctl.robots import interface
 
@@ -23,21 +23,21 @@ class Robot:
         kind: name in the registry.
         pose_names: names of the pose's entries, units included.
         joint_names: names of the joints, in the order of the motors.
-        joint_unit: "mm" or "rad".
+        joint_units: "mm" or "rad" of every joint.
         record: geometry and limits, shape (1,); the tick passes `record[0]` to the kernels.
         translation_mask: which translations along x, y, z of {B} the robot has.
         length_dofs: how many entries of the pose, from the first on, are lengths [mm]; the rest are angles [rad].
-        singular_error: what to tell about a pose (dof,) that `reach` calls SINGULAR.
+        singular_error: what to tell about a pose (dof,) that `reach` calls SINGULAR; None if it calls none so.
     """
 
     kind: str
     pose_names: tuple[str, ...]
     joint_names: tuple[str, ...]
-    joint_unit: str
+    joint_units: tuple[str, ...]
     record: np.ndarray
     translation_mask: tuple[bool, bool, bool]
     length_dofs: int
-    singular_error: Callable[[np.ndarray], RobotError]
+    singular_error: Callable[[np.ndarray], RobotError] | None = None
 
     @property
     def dof(self) -> int:
@@ -50,7 +50,7 @@ class Robot:
         return self.record["home_pose"][0].copy()
 
     def inverse(self, pose: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Joint values (dof,) [`joint_unit`] and motor angles (dof,) [rad] of `pose` (dof,) in {B}.
+        """Joint values (dof,) [`joint_units`] and motor angles (dof,) [rad] of `pose` (dof,) in {B}.
 
         Limits are not looked at: see `explain`.
 
@@ -109,7 +109,7 @@ class Robot:
             return self._outside_box(pose)
         if answer == interface.STROKE_LIMIT:
             return self._stroke_limit(pose)
-        if answer == interface.SINGULAR:
+        if answer == interface.SINGULAR and self.singular_error is not None:
             return self.singular_error(pose)
         return None
 
@@ -132,7 +132,7 @@ class Robot:
         return RobotError(
             f"{self.joint_names[k]} cannot reach the pose {_plain(pose)}",
             value=float(joint[k]),
-            bound=f"{low[k]:g} .. {high[k]:g} {self.joint_unit}",
+            bound=f"{low[k]:g} .. {high[k]:g} {self.joint_units[k]}",
             remedy="choose a pose nearer to the middle of the workspace, or change the joint limits in robot.geometry",
         )
 
@@ -142,6 +142,22 @@ class Robot:
         if vector.shape != (self.dof,):
             raise RobotError(f"{name} of {self.kind} has a wrong shape", value=vector.shape, bound=f"({self.dof},)")
         return vector
+
+
+def ordered(low_name: str, low: tuple[float, ...], high_name: str, high: tuple[float, ...]) -> None:
+    """Check two limits of robot.geometry, entry by entry. Raises OptionError: one that is not below the other."""
+    for k, (a, b) in enumerate(zip(low, high, strict=True)):
+        if a >= b:
+            what = f"robot.geometry.{low_name}[{k}] is not below {high_name}[{k}]"
+            raise OptionError(what, value=a, bound=f"below {b:g}", remedy="set both")
+
+
+def check_home(robot: Robot) -> None:
+    """Raises RobotError: the home of `robot` is outside its own limits."""
+    problem = robot.explain(robot.home_pose)
+    if problem is not None:
+        what, remedy = f"home is not usable: {problem.what}", "check the geometry and the limits in robot.geometry"
+        raise RobotError(what, value=problem.value, bound=problem.bound, remedy=remedy)
 
 
 def _plain(values: ArrayLike) -> list[float]:

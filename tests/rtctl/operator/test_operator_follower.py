@@ -311,6 +311,27 @@ def test_the_gripper_frame_turns_with_the_gripper():
     np.testing.assert_allclose(rate([0, 1, 0, 0, 0, 0], "base", np.pi / 6), [0, 1, 0])
 
 
+@pytest.mark.parametrize("kind", robots.KINDS)
+@pytest.mark.parametrize("frame", ["base", "gripper"])
+def test_every_robot_moves_and_turns_as_the_twist_says(kind, frame):
+    """A twist the robot can follow, against the differences of where its gripper is and how it is turned."""
+    robot, step_s = robots.load(kind, {}), 1e-4
+    low, high = robot.record["box_low"][0], robot.record["box_high"][0]
+    pose = 0.3 * low + 0.7 * high
+    twist = np.zeros(6)
+    twist[list(COORDINATES[kind])] = 1.0, *[0.02, -0.03, 0.04, -0.05, 0.06][: robot.dof - 1]
+    rate, dropped = Projection(kind, LIMITS).rate(twist, frame, pose, 1.0)
+    before, behind, ahead = (robot.rotation(pose + k * step_s * rate) for k in (0, -1, 1))
+    spin = (ahead - behind) @ before.T / (2 * step_s)
+    found = np.zeros(6)
+    found[:3][np.array(robot.translation_mask)] = rate[: robot.length_dofs]
+    found[3:] = spin[2, 1], spin[0, 2], spin[1, 0]
+    if frame == "gripper":
+        found = np.concatenate([before.T @ found[:3], before.T @ found[3:]])
+    assert not dropped
+    np.testing.assert_allclose(found, twist, atol=1e-8)
+
+
 def test_limits_keep_the_direction_and_come_after_the_stage():
     np.testing.assert_allclose(rate([30, 40, 0, 0, 0, -5]), [1.2, 1.6, -0.1])
     np.testing.assert_allclose(rate([3, 4, 0, 0, 0, 0.2], stage=0.1), [0.3, 0.4, 0.02])
