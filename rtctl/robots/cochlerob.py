@@ -74,7 +74,10 @@ class CochlerobOptions:
         doc="largest x, y, z, psi, phi allowed",
     )
     margin_min: float = option(
-        0.1, low=0.001, high=1, doc="smallest distance of the Delta from a singularity allowed; it is 0 there, at most 1"
+        0.1,
+        low=0.001,
+        high=1,
+        doc="smallest distance of the Delta from a singularity allowed; it is 0 there, at most 1",
     )
 
 
@@ -157,7 +160,10 @@ def _robot(data: np.ndarray) -> Robot:
 def _singular_error(data: np.ndarray, pose: np.ndarray) -> RobotError:
     rods, outstretched = _margins(data, pose)
     if outstretched < data["margin_min"][0]:
-        what, value = "an arm is nearly in line with its rods: u_i is too steep on the circle of its elbow", outstretched
+        what, value = (
+            "an arm is nearly in line with its rods: u_i is too steep on the circle of its elbow",
+            outstretched,
+        )
     else:
         what, value = "the rods are nearly in one plane, or beyond: -det [u_1 u_2 u_3] is too small", rods
     return RobotError(
@@ -211,9 +217,7 @@ def chain(robot, i, x, y, z):
 @kernel
 def spread(a, b, c):
     """-det [u_1 u_2 u_3] of three chains: 1 for rods at right angles, 0 in one plane, negative beyond."""
-    return (
-        a[1] * (b[3] * c[2] - b[2] * c[3]) + a[2] * (b[1] * c[3] - b[3] * c[1]) + a[3] * (b[2] * c[1] - b[1] * c[2])
-    )
+    return a[1] * (b[3] * c[2] - b[2] * c[3]) + a[2] * (b[1] * c[3] - b[3] * c[1]) + a[3] * (b[2] * c[1] - b[1] * c[2])
 
 
 @interface.implement(interface.inverse, COCHLEROB)

@@ -5,6 +5,7 @@ the tangent t and its sign upwards, so that the slider never passes 90 deg. Wher
 changes, and the tip rests there while the arc makes half a turn. Everything here is prepared beside the loop.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -63,9 +64,10 @@ class Helix:
         axis = np.array([math.cos(self.axis_azimuth_rad), math.sin(self.axis_azimuth_rad), 0.0])
         up = np.array([0.0, 0.0, 1.0])
         across = np.cross(axis, up)
-        spiral = self.base_radius_mm * np.exp((1j - k) * u + 1j * self.phase_rad)  # the plane (z, n x z) as complex numbers
+        # the plane (z, n x z) as complex numbers
+        spiral = self.base_radius_mm * np.exp((1j - k) * u + 1j * self.phase_rad)
 
-        def in_base(complex_mm: np.ndarray, along_mm: ArrayLike) -> np.ndarray:
+        def in_base(complex_mm: np.ndarray, along_mm: np.ndarray) -> np.ndarray:
             return np.outer(complex_mm.real, up) + np.outer(complex_mm.imag, across) + np.outer(along_mm, axis)
 
         rise = np.full(u.shape, self.height_mm / self.end_rad)
@@ -160,7 +162,7 @@ class HelixMotion:
         halves = np.array([math.pi, -math.pi])
         phases: list[Phase] = []
         now_s = phi_before = 0.0
-        for u_from, u_to in zip(ends[:-1], ends[1:], strict=True):
+        for u_from, u_to in itertools.pairwise(ends):
             u = np.array([0.5 * (u_from + u_to), u_from, u_to])
             sign = float(np.sign(self._helix.derivatives(u)[1][0, 2]))
             middle = float(self._at(u[:1], sign, 0.0)[1][0, 1])

