@@ -64,8 +64,9 @@ class Helix:
         axis = np.array([math.cos(self.axis_azimuth_rad), math.sin(self.axis_azimuth_rad), 0.0])
         up = np.array([0.0, 0.0, 1.0])
         across = np.cross(axis, up)
-        # the plane (z, n x z) as complex numbers
-        spiral = self.base_radius_mm * np.exp((1j - k) * u + 1j * self.phase_rad)
+        spiral = self.base_radius_mm * np.exp(
+            (1j - k) * u + 1j * self.phase_rad
+        )  # the plane (z, n x z) as complex numbers
 
         def in_base(complex_mm: np.ndarray, along_mm: np.ndarray) -> np.ndarray:
             return np.outer(complex_mm.real, up) + np.outer(complex_mm.imag, across) + np.outer(along_mm, axis)

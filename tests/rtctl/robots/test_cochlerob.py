@@ -200,7 +200,7 @@ def test_home_has_level_arms_and_motors_at_zero(robot):
 def test_the_tool_advances_from_the_nacelle_to_the_tip(robot):
     for pose in sphere(20):
         rotation, a_0 = robot.rotation(pose), tilt(*pose[3:])
-        nacelle_in_base = a_0 @ ([*nacelle(pose), 0, 0, 340])
+        nacelle_in_base = a_0 @ (nacelle(pose) + np.array([0, 0, 340]))
         assert rotation[:, 0] == pytest.approx((pose[:3] - nacelle_in_base) / 110, abs=1e-14)
         assert rotation[:, 1] == pytest.approx(a_0[:, 1], abs=1e-15)
         assert rotation[:, 2] == pytest.approx(a_0[:, 0], abs=1e-15)
@@ -213,7 +213,7 @@ def energy(motor):
     """V [J] from the places of all masses; the nacelle from the paper's closed form."""
     alpha, psi, phi = motor[:3] / N, motor[3] / (N * PULLEYS), motor[4] / N
     joints, p, hubs = elbows(alpha), printed_delta(alpha), 60 * ARMS
-    places = [*np.vstack([[np.zeros(3)], [p], hubs + 0.4 * (joints - hubs), 0.5 * (joints + p)]), 0, 0, 340]
+    places = np.vstack([[np.zeros(3)], [p], hubs + 0.4 * (joints - hubs), 0.5 * (joints + p)]) + np.array([0, 0, 340])
     masses = np.array([0.8, 1.2, 0.12, 0.12, 0.12, 0.06, 0.06, 0.06])
     return 9.81e-3 * masses @ (places @ tilt(psi, phi).T)[:, 2]
 
@@ -298,7 +298,7 @@ def test_outstretched_arms_are_singular():
     assert problem.value == pytest.approx(drive.min(), rel=1e-6)
     assert 0 < problem.value < 0.1
     assert problem.bound == "0.1 or larger"
-    assert robot.reach([*pose, 0, 0, 5, 0, 0]) == interface.REACHABLE
+    assert robot.reach(pose + np.array([0, 0, 5, 0, 0])) == interface.REACHABLE
 
 
 def test_rods_in_one_plane_are_singular():
