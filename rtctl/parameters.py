@@ -1,6 +1,8 @@
 """From settings to the record the tick reads: units per tick, filter coefficients, one value a channel."""
 
+import copy
 import math
+from typing import Any
 
 import numpy as np
 
@@ -92,6 +94,18 @@ def _pack_impedance(settings: Settings, law: np.void) -> None:
     law["place_mm"] = array.length_mm - z.first_contact_mm - z.pitch_mm * np.arange(layout.CONTACTS)
     law["bias_ohm"][: len(z.bias_ohm)] = z.bias_ohm
     law["left_out"][np.array(z.left_out, dtype=int)] = 1
+
+
+def with_values(table: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """A settings table with the values of a parameter set: sections, or options by their dotted names."""
+    changed = copy.deepcopy(table)
+    for name, value in values.items():
+        *sections, last = name.split(".")
+        place = changed
+        for section in sections:
+            place = place.setdefault(section, {})
+        place[last] = value
+    return changed
 
 
 def butterworth_low_pass(cutoff_hz: float, period_s: float) -> tuple[list[float], list[float]]:

@@ -7,6 +7,7 @@ import typer
 
 from rtctl.cli.console import output, say
 from rtctl.cli.exit_codes import Exit
+from rtctl.cli.log_files import logs_of
 from rtctl.cli.options import JSON
 from rtctl.stages import STAGES
 
@@ -31,7 +32,6 @@ def blackbox(
     """
     import json as encoder
 
-    from rtctl.cli.logs import logs_of
     from rtctl.log.reader import LogError, open_many
 
     boxes = open_many(logs_of(files)).blackboxes

@@ -8,6 +8,7 @@ import typer
 
 from rtctl.cli.console import output, remark, say
 from rtctl.cli.exit_codes import Exit
+from rtctl.cli.log_files import logs_of
 from rtctl.cli.options import JSON
 
 if TYPE_CHECKING:
@@ -44,7 +45,6 @@ def compare(
     Example: `rtctl log compare runs/2026-01-31T10-00-00 runs/2026-01-31T11-00-00`
     """
     from rtctl import comparison
-    from rtctl.cli.logs import logs_of
     from rtctl.log.reader import open_many
 
     logs = [open_many(logs_of([path])) for path in (one, other)]

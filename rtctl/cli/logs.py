@@ -9,6 +9,7 @@ from rtctl.cli import comparing
 from rtctl.cli.blackboxes import blackbox
 from rtctl.cli.console import grid, output, remark, say
 from rtctl.cli.exit_codes import Exit
+from rtctl.cli.log_files import logs_of
 from rtctl.cli.options import JSON, RECORDS
 
 if TYPE_CHECKING:
@@ -96,21 +97,6 @@ def condense(
 
     size_bytes = write(logs_of(files), to)
     say(f"{to}: {size_bytes / 1000:.0f} kB")
-
-
-def logs_of(files: list[Path]) -> list[Path]:
-    """The files themselves, those of a run for its folder. Raises LogError for a folder without any."""
-    from rtctl.log.reader import LogError
-    from rtctl.recording import logs_in
-
-    found = [log for file in files for log in (logs_in(file) if file.is_dir() else [file])]
-    if not found:
-        raise LogError(
-            "no log in this folder",
-            value=", ".join(map(str, files)),
-            remedy="give the folder of one run, or its log.mcap",
-        )
-    return found
 
 
 def _words(facts: dict[str, Any], log: "Log") -> dict[str, Any]:

@@ -7,7 +7,7 @@ import typer
 
 from rtctl.cli.console import output, remark, say, say_error
 from rtctl.cli.exit_codes import Exit
-from rtctl.cli.logs import logs_of
+from rtctl.cli.log_files import logs_of
 from rtctl.cli.options import JSON, RECORDS
 
 if TYPE_CHECKING:

@@ -8,10 +8,11 @@ import numpy as np
 
 from rtctl.controller import Controller
 from rtctl.log.reader import Log
-from rtctl.replay import rerun, staged_in, whole_rows
+from rtctl.replay import staged_in, whole_rows
 from rtctl.replaying.difference import compared, differing, first_difference
 from rtctl.replaying.revisions import Outputs, RevisionError, Revisions
 from rtctl.replaying.stages import stage_of
+from rtctl.rerun import rerun
 from rtctl.settings import from_table
 
 LATER_TICKS = (0, 1, 10, 100, 1000, 10_000)

@@ -46,8 +46,8 @@ def main(folder: Path) -> None:
     size = controller.memory["staged_parameters"].dtype.itemsize
     for m in job["staged_parameters"]:  # of another layout: packed anew from its values
         number = int(m["number"])
-        if len(staged["staged_parameters"][number]) != size and "values" in m:
-            settings = from_table(known(Settings, with_values(job["settings"], m["values"]), job["chosen"]))
+        if len(staged["staged_parameters"][number]) != size and "settings" in m:
+            settings = from_table(known(Settings, m["settings"], job["chosen"]))
             staged["staged_parameters"][number] = pack(settings, controller.robot, number).tobytes()
     replayed = rerun(replay, controller, as_here(rows, controller.table.dtype), staged)
     np.save(folder / "replayed.npy", replayed)
@@ -71,18 +71,6 @@ def known(cls: type, table: dict[str, Any], chosen: dict[str, Any], where: str =
         elif name in chosen:
             raise Unreadable(f"it does not know the setting {path}, which this run has")
     return kept
-
-
-def with_values(table: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """A settings table with the values of a parameter set: sections, or options by their dotted names."""
-    changed = json.loads(json.dumps(table))
-    for name, value in values.items():
-        *sections, last = name.split(".")
-        place = changed
-        for section in sections:
-            place = place.setdefault(section, {})
-        place[last] = value
-    return changed
 
 
 def as_here(rows: np.ndarray, dtype: np.dtype) -> np.ndarray:

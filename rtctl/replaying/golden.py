@@ -16,8 +16,9 @@ from rtctl.log.hashing import output_fields
 from rtctl.log.reader import open_many
 from rtctl.log.writer import LogWriter
 from rtctl.record import controller_table
-from rtctl.replay import NEEDED, whole_rows
+from rtctl.replay import whole_rows
 from rtctl.replaying.fingerprint import PREFIX, fingerprints
+from rtctl.rerun import NEEDED
 
 CHUNK_BYTES = 8 * 1024 * 1024
 """One chunk compresses best."""

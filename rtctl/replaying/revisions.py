@@ -16,6 +16,7 @@ import numpy as np
 from hal.errors import RtctlError
 from hal.kernel import ROOT
 from rtctl.log.reader import Log
+from rtctl.parameters import with_values
 from rtctl.replay import whole_rows
 from rtctl.settings import from_table, public_table
 
@@ -79,7 +80,7 @@ class Revisions:
         table = public_table(from_table(log.settings_table()))
         job = {
             "settings": table, "chosen": _chosen(table, public_table(from_table({}))), "revision_folder": str(folder),
-            "staged_plan": log.plans, "staged_parameters": log.parameters,
+            "staged_plan": log.plans, "staged_parameters": [_whole(table, message) for message in log.parameters],
         }  # fmt: skip
         with tempfile.TemporaryDirectory(dir=self.folder) as place:
             work = Path(place)
@@ -146,3 +147,8 @@ def _chosen(table: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
         elif value != default:
             found[name] = value
     return found
+
+
+def _whole(table: dict[str, Any], message: dict[str, Any]) -> dict[str, Any]:
+    """A message on a parameter set with all settings it stands for, for a revision that packs them otherwise."""
+    return message | ({"settings": with_values(table, message["values"])} if "values" in message else {})

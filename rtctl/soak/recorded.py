@@ -11,8 +11,9 @@ import numpy as np
 from hal.errors import RtctlError
 from rtctl.controller import Controller
 from rtctl.log.reader import Log
-from rtctl.replay import Staged, rerun, staged_in
+from rtctl.replay import staged_in
 from rtctl.replaying.difference import Difference, first_difference
+from rtctl.rerun import Staged, rerun
 from rtctl.settings import from_table
 from rtctl.soak.run import Outage
 

@@ -20,7 +20,6 @@ from rtctl.guidance.impedance.layout import PAIRS
 from rtctl.lifecycle import Operating, Task
 from rtctl.lockstep import Lockstep
 from rtctl.log.format import PARAMETERS, PLANS
-from rtctl.replaying.elsewhere import with_values
 from rtctl.replaying.golden import condense
 from rtctl.settings import from_table, load, table_of
 from rtctl.simulation import Recorder
@@ -121,7 +120,7 @@ def operation(run: Run) -> None:
     run.do(Verb.MOVE_CP, *START)
     run.lockstep.advance(40)
     values = {"control.integral_v_per_rad_s": [55.0] * 4, "control.backlash_rad": [1.7, 1.7, 1.7, 0.0]}
-    settings = from_table(with_values(table_of(run.settings), values))
+    settings = from_table(parameters.with_values(table_of(run.settings), values))
     record = parameters.pack(settings, run.lockstep.controller.robot, 2)
     run.stage(PARAMETERS, "staged_parameters", Verb.SET_PARAMETERS, record, values=values)
     run.rest()

@@ -88,12 +88,12 @@ def test_settings_that_a_revision_does_not_know_are_left_out_unless_chosen():
 
 
 def test_a_revision_from_before_rerun_is_driven_piece_by_piece(log):
-    from rtctl import replay
+    from rtctl import replay, rerun
     from rtctl.controller import Controller
     from rtctl.settings import from_table
 
     class Before:
-        run_rows, _prepare = staticmethod(replay.run_rows), staticmethod(replay._prepare)
+        run_rows, _prepare = staticmethod(rerun.run_rows), staticmethod(rerun._prepare)
 
     controller = Controller(from_table(log.settings_table()))
     rows = elsewhere.as_here(log.controller, controller.table.dtype)
