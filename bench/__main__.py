@@ -17,6 +17,7 @@ from bench import (
     guidance_cost,
     hardware_cost,
     impedance_cost,
+    kinematics_cost,
     lockstep_speed,
     loop_cost,
     memory_growth,
@@ -37,6 +38,7 @@ from rtctl.settings import load
 
 SPEED = (
     "tick",
+    "kinematics",
     "loop",
     "stages",
     "wake-up",
@@ -128,6 +130,7 @@ def _parts(arguments: argparse.Namespace) -> Iterator[tuple[str, Callable[[], li
     pieces = record_insertion(settings, SEED) if RECORDED & set(asked) else []
     measurements: dict[str, Callable[[], list[Figure]]] = {
         "tick": lambda: tick_cost.measure(settings, pieces),
+        "kinematics": kinematics_cost.measure,
         "loop": lambda: loop_cost.measure(settings),
         "stages": lambda: stage_cost.measure(settings, arguments.seconds),
         "wake-up": lambda: wake_up.measure(settings, arguments.rounds, arguments.seconds),

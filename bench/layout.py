@@ -2,6 +2,7 @@
 
 import enum
 from collections.abc import Iterator
+from types import ModuleType
 
 import numpy as np
 
@@ -41,6 +42,7 @@ CONSTANTS: dict[str, int | float] = {
     },
 }
 """What the C++ calls by the name it has in Python."""
+PREAMBLE = ("#pragma once", "#include <cstddef>", "#include <cstdint>", "#include <limits>")
 
 
 def header(controller: Controller) -> str:
@@ -53,12 +55,9 @@ def header(controller: Controller) -> str:
         (controller.record, "Record"),
     ):
         structs.add(name, array.dtype)
-    sizes = {"DOF": controller.axes - 1, "AXES": controller.axes}
+    sizes: dict[str, int | float] = {"DOF": controller.axes - 1, "AXES": controller.axes}
     parts = [
-        "#pragma once",
-        "#include <cstddef>",
-        "#include <cstdint>",
-        "#include <limits>",
+        *PREAMBLE,
         "constexpr double NOT_KNOWN = std::numeric_limits<double>::quiet_NaN();",
         *(_constant(name, value) for name, value in (sizes | CONSTANTS).items()),
         f"constexpr int64_t REACTION[] = {{{', '.join(str(int(r)) for r in lifecycle.REACTION)}}};",
@@ -66,6 +65,14 @@ def header(controller: Controller) -> str:
         *structs.texts,
     ]
     return "\n".join(parts) + "\n"
+
+
+def robot_header(dtype: np.dtype, module: ModuleType) -> str:
+    """Text of robot.hpp: struct `Robot` and the constants of Newton's method in the robot's `module`."""
+    structs = Structs()
+    structs.add("Robot", dtype)
+    constants = (_constant(name, getattr(module, name)) for name in ("NEWTON_STEP", "NEWTON_LIMIT"))
+    return "\n".join([*PREAMBLE, *constants, *structs.texts]) + "\n"
 
 
 class Structs:

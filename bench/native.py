@@ -33,10 +33,19 @@ def build(controller: Controller, directory: Path, name: str) -> Path:
     Raises:
         subprocess.CalledProcessError: the C++ does not compile, as when a field it uses is gone.
     """
+    (directory / "layout.hpp").write_text(header(controller))
+    return compile_source(name, directory)
+
+
+def compile_source(name: str, directory: Path) -> Path:
+    """Compile the source called `name`, whose generated header is in `directory`, into a library there.
+
+    Raises:
+        subprocess.CalledProcessError: the C++ does not compile.
+    """
     found = compiler()
     assert found is not None
     library = directory / f"{name}.so"
-    (directory / "layout.hpp").write_text(header(controller))
     subprocess.run([found, *FLAGS, f"-I{directory}", str(SOURCES / f"{name}.cpp"), "-o", str(library)], check=True)
     return library
 
