@@ -1,5 +1,7 @@
 """From the operator's twist to a rate of the pose: dead zone, speed stage, limits, and what the robot can do at all."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,21 +9,31 @@ import numpy as np
 from hal.errors import RtctlError
 from rtctl import robots
 from rtctl.operator.message import Frame
-from rtctl.robots.orientation import euler_rates
 
 STAGES = (0.1, 0.25, 0.5, 1.0)
 """Speed stages: the twist is multiplied by one of these."""
 
-COORDINATES: dict[str, tuple[int, ...]] = {
-    "planar_3rpr": (0, 1, 5),
-    "cartesian_4": (0, 1, 2, 5),
-    "hexapod": (0, 1, 2, 3, 4, 5),
-    "cochlerob": (0, 1, 2, 3, 5),
-}
-"""Kind of robot -> the component of the twist (vx, vy, vz, wx, wy, wz) that each entry of its pose follows.
 
-Three angles at the end are Euler angles (rtctl/robots/orientation.py): together they follow the angular velocity.
-"""
+def _about_z(_pose: np.ndarray) -> np.ndarray:
+    return np.array([[0.0], [0.0], [1.0]])
+
+
+def _by_euler_angles(pose: np.ndarray) -> np.ndarray:
+    cb, sb, cg, sg = math.cos(pose[4]), math.sin(pose[4]), math.cos(pose[5]), math.sin(pose[5])
+    return np.array([[cg * cb, -sg, 0.0], [sg * cb, cg, 0.0], [-sb, 0.0, 1.0]])
+
+
+def _by_slider_and_arc(pose: np.ndarray) -> np.ndarray:
+    return np.array([[math.cos(pose[4]), 0.0], [math.sin(pose[4]), 0.0], [0.0, 1.0]])
+
+
+TURNS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "planar_3rpr": _about_z,
+    "cartesian_4": _about_z,
+    "hexapod": _by_euler_angles,
+    "cochlerob": _by_slider_and_arc,
+}
+"""Kind of robot -> the axes (3, n) in {B} about which it turns at a pose (dof,), one for each of its n angles."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +59,15 @@ class Projection:
     """
 
     def __init__(self, kind: str, limits: Limits) -> None:
-        if kind not in COORDINATES:
-            remedy = "say in rtctl/operator/motion.py which components its pose follows"
+        if kind not in TURNS:
+            remedy = "say in rtctl/operator/motion.py about which axes it turns"
             raise RtctlError(
-                "a robot that cannot be driven by hand", value=kind, bound=" | ".join(COORDINATES), remedy=remedy
+                "a robot that cannot be driven by hand", value=kind, bound=" | ".join(TURNS), remedy=remedy
             )
-        self._components = np.array(COORDINATES[kind])
-        self._others = np.setdiff1d(np.arange(6), self._components)
-        self._has_euler_angles = COORDINATES[kind][-3:] == (3, 4, 5)
+        self._turns = TURNS[kind]
         self._limits = limits
         self._robot = robots.load(kind, {})  # how it turns with its pose is no matter of its geometry
+        self._moves = np.array(self._robot.translation_mask)
 
     def rate(self, twist: np.ndarray, frame: Frame, pose: np.ndarray, stage: float) -> tuple[np.ndarray, bool]:
         """Rate of the pose (dof,) [mm/s, rad/s] in {B}, and whether something of the twist had to be dropped.
@@ -69,22 +80,20 @@ class Projection:
         limits = self._limits
         v, w = twist[:3], twist[3:]
         if frame == "gripper":
-            turn = self._robot.rotation(pose)
-            v, w = turn @ v, turn @ w
+            rotation = self._robot.rotation(pose)
+            v, w = rotation @ v, rotation @ w
         v = stage * _live(v, limits.dead_mm_per_s)
         w = stage * _live(w, limits.dead_rad_per_s)
-        whole = np.concatenate([v, w])
-        dropped = bool((np.abs(whole[self._others]) > stage * _dead(self._others, limits)).any())
-        whole[self._others] = 0.0
-        whole[:3] = _at_most(whole[:3], limits.speed_mm_per_s)
-        whole[3:] = _at_most(whole[3:], limits.speed_rad_per_s)
-        if self._has_euler_angles:
-            whole[3:] = euler_rates(pose[-2], pose[-1], *whole[3:])
-        return whole[self._components], dropped
-
-
-def _dead(components: np.ndarray, limits: Limits) -> np.ndarray:
-    return np.where(components < 3, limits.dead_mm_per_s, limits.dead_rad_per_s)
+        axes = self._turns(pose)
+        rates = np.linalg.solve(axes.T @ axes, axes.T @ w)  # of the turn it can do that is nearest to w
+        turn = axes @ rates
+        dropped = bool(
+            (np.abs(v[~self._moves]) > stage * limits.dead_mm_per_s).any()
+            or (np.abs(w - turn) > stage * limits.dead_rad_per_s).any()
+        )
+        v = _at_most(np.where(self._moves, v, 0.0), limits.speed_mm_per_s)
+        slower = min(1.0, limits.speed_rad_per_s / max(float(np.linalg.norm(turn)), limits.speed_rad_per_s))
+        return np.concatenate([v[self._moves], slower * rates]), dropped
 
 
 def _live(vector: np.ndarray, dead: float) -> np.ndarray:

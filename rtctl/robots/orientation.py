@@ -82,11 +82,3 @@ def per_euler_rates(beta, gamma, x, y, z):
     cb, sb = math.cos(beta), math.sin(beta)
     cg, sg = math.cos(gamma), math.sin(gamma)
     return cb * (cg * x + sg * y) - sb * z, cg * y - sg * x, z
-
-
-@kernel
-def euler_rates(beta, gamma, x, y, z):
-    """Rates of (alpha, beta, gamma) [rad/s] at the angular velocity (x, y, z) [rad/s] in {B}; not for cos beta = 0."""
-    cg, sg = math.cos(gamma), math.sin(gamma)
-    alpha_rate = (cg * x + sg * y) / math.cos(beta)
-    return alpha_rate, cg * y - sg * x, z + math.sin(beta) * alpha_rate

@@ -15,7 +15,7 @@ from rtctl.lifecycle import Condition, Motion
 from rtctl.operator.follower import PERIOD_S, Follower
 from rtctl.operator.link import Link
 from rtctl.operator.message import Button
-from rtctl.operator.motion import COORDINATES, STAGES, Limits, Projection
+from rtctl.operator.motion import STAGES, TURNS, Limits, Projection
 
 LIMIT_S = 0.08
 LIMITS = Limits(speed_mm_per_s=2.0, speed_rad_per_s=0.1)
@@ -314,22 +314,21 @@ def test_the_gripper_frame_turns_with_the_gripper():
 @pytest.mark.parametrize("kind", robots.KINDS)
 @pytest.mark.parametrize("frame", ["base", "gripper"])
 def test_every_robot_moves_and_turns_as_the_twist_says(kind, frame):
-    """A twist the robot can follow, against the differences of where its gripper is and how it is turned."""
+    """The twist of any motion of the robot, by differences of where its gripper is and how it is turned, gives that motion."""
     robot, step_s = robots.load(kind, {}), 1e-4
     low, high = robot.record["box_low"][0], robot.record["box_high"][0]
     pose = 0.3 * low + 0.7 * high
-    twist = np.zeros(6)
-    twist[list(COORDINATES[kind])] = 1.0, *[0.02, -0.03, 0.04, -0.05, 0.06][: robot.dof - 1]
-    rate, dropped = Projection(kind, LIMITS).rate(twist, frame, pose, 1.0)
+    rate = np.array([1.0, 0.02, -0.03, 0.04, -0.05, 0.06][: robot.dof])
     before, behind, ahead = (robot.rotation(pose + k * step_s * rate) for k in (0, -1, 1))
     spin = (ahead - behind) @ before.T / (2 * step_s)
-    found = np.zeros(6)
-    found[:3][np.array(robot.translation_mask)] = rate[: robot.length_dofs]
-    found[3:] = spin[2, 1], spin[0, 2], spin[1, 0]
+    twist = np.zeros(6)
+    twist[:3][np.array(robot.translation_mask)] = rate[: robot.length_dofs]
+    twist[3:] = spin[2, 1], spin[0, 2], spin[1, 0]
     if frame == "gripper":
-        found = np.concatenate([before.T @ found[:3], before.T @ found[3:]])
+        twist = np.concatenate([before.T @ twist[:3], before.T @ twist[3:]])
+    found, dropped = Projection(kind, LIMITS).rate(twist, frame, pose, 1.0)
     assert not dropped
-    np.testing.assert_allclose(found, twist, atol=1e-8)
+    np.testing.assert_allclose(found, rate, atol=1e-8)
 
 
 def test_limits_keep_the_direction_and_come_after_the_stage():
@@ -344,9 +343,7 @@ def test_limits_keep_the_direction_and_come_after_the_stage():
 @pytest.mark.parametrize("kind", robots.KINDS)
 def test_every_robot_there_is_can_be_driven(kind):
     robot = robots.load(kind, {})
-    assert len(COORDINATES[kind]) == robot.dof
-    lengths = [component for component in COORDINATES[kind] if component < 3]
-    assert lengths == [i for i, has in enumerate(robot.translation_mask) if has]
+    assert TURNS[kind](robot.home_pose).shape == (3, robot.dof - robot.length_dofs)
 
 
 def test_an_unknown_robot_is_an_error_that_says_what_to_do():
