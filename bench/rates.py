@@ -4,7 +4,6 @@ The C++ loop has the same tick, clock, priority and core, and neither a simulate
 """
 
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,7 +14,7 @@ import numpy as np
 from bench import c_loop
 from bench.figures import Figure, Target, in_turns
 from bench.native import compiler, version
-from bench.real_time import BenchOperator, records_of
+from bench.real_time import home_and_hold, records_of
 from bench.recorded import Piece
 from rtctl.commands import Verb
 from rtctl.settings import Settings
@@ -61,15 +60,7 @@ def at_rate(settings: Settings, rate_hz: int) -> Settings:
 
 def _ours(settings: Settings, seconds: float) -> tuple[int, int]:
     """(missed, grid points) of a run that enables, homes and holds, after its first tick."""
-
-    def script(operator: BenchOperator) -> None:
-        end_s = time.monotonic() + seconds
-        operator.command(Verb.ENABLE)
-        operator.wait(lambda record: record["powered"], seconds)
-        operator.command(Verb.HOME)
-        operator.wait(lambda _: False, end_s - time.monotonic())
-
-    records = records_of(settings, script)
+    records = records_of(settings, partial(home_and_hold, seconds))
     return int(records["missed_ticks"][1:].sum()), int(records["tick"][-1] - records["tick"][0])
 
 

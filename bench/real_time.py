@@ -1,10 +1,12 @@
 """Whole runs of the daemon kept in memory, for what is measured of every record."""
 
+import time
 from collections.abc import Callable
 
 import numpy as np
 
 from hal.errors import RtctlError
+from rtctl.commands import Verb
 from rtctl.daemon import Daemon
 from rtctl.readiness.direct import DirectOperator, run_daemon
 from rtctl.settings import Settings
@@ -49,3 +51,12 @@ def records_of(settings: Settings, script: Callable[[BenchOperator], object]) ->
 
     run_daemon(settings, operate, gateway=False)
     return operators[0].records()
+
+
+def home_and_hold(seconds: float, operator: BenchOperator) -> None:
+    """Enable, home, and hold until `seconds` are over."""
+    end_s = time.monotonic() + seconds
+    operator.command(Verb.ENABLE)
+    operator.wait(lambda record: record["powered"], seconds)
+    operator.command(Verb.HOME)
+    operator.wait(lambda _: False, end_s - time.monotonic())

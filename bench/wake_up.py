@@ -1,14 +1,13 @@
 """(c) How late the loop wakes up, against cyclictest at the same priority on the same core, in turns: idle, and loaded."""
 
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from bench.figures import Figure, Target, compare, in_turns
-from bench.real_time import BenchOperator, records_of
-from rtctl.commands import Verb
+from bench.real_time import home_and_hold, records_of
 from rtctl.machine import loop_core
 from rtctl.readiness import cyclictest
 from rtctl.readiness.load import Load
@@ -49,15 +48,7 @@ def _compared(settings: Settings, rounds: int, seconds: float, condition: str) -
 
 def _ours_us(settings: Settings, seconds: float) -> np.ndarray:
     """Percentiles of the lateness [us] of a run that enables, homes and holds; every tick counts."""
-
-    def script(operator: BenchOperator) -> None:
-        end_s = time.monotonic() + seconds
-        operator.command(Verb.ENABLE)
-        operator.wait(lambda record: record["powered"], seconds)
-        operator.command(Verb.HOME)
-        operator.wait(lambda _: False, end_s - time.monotonic())
-
-    return np.percentile(records_of(settings, script)["lateness_ns"], PERCENTILES) * 1e-3
+    return np.percentile(records_of(settings, partial(home_and_hold, seconds))["lateness_ns"], PERCENTILES) * 1e-3
 
 
 def _cyclictest_us(settings: Settings, seconds: float) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from hal.errors import RtctlError
 from rtctl import robots
 from rtctl.operator.message import Frame
+from rtctl.robots.orientation import per_euler_rates
 
 STAGES = (0.1, 0.25, 0.5, 1.0)
 """Speed stages: the twist is multiplied by one of these."""
@@ -19,8 +20,7 @@ def _about_z(_pose: np.ndarray) -> np.ndarray:
 
 
 def _by_euler_angles(pose: np.ndarray) -> np.ndarray:
-    cb, sb, cg, sg = math.cos(pose[4]), math.sin(pose[4]), math.cos(pose[5]), math.sin(pose[5])
-    return np.array([[cg * cb, -sg, 0.0], [sg * cb, cg, 0.0], [-sb, 0.0, 1.0]])
+    return np.array([per_euler_rates(pose[4], pose[5], *row) for row in np.eye(3)])
 
 
 def _by_slider_and_arc(pose: np.ndarray) -> np.ndarray:
